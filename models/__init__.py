@@ -17,7 +17,7 @@ from .decay import (
 )
 from .lump import Lump, PrintedLump
 from .noise.moving_average import averaging_window
-from .noise.spikes import bridged, difference_noise, spike_weights, third_difference_noise
+from .noise.spikes import bridged, difference_noise, exceeds_difference_noise, spike_weights, third_difference_noise
 from .noise.whiteness import pattern_p_value, variance_inflation
 from .observations import Observations
 
@@ -34,6 +34,7 @@ __all__ = [
     "averaging_window",
     "bridged",
     "difference_noise",
+    "exceeds_difference_noise",
     "fit_decay",
     "growth",
     "growth_slope",

@@ -67,6 +67,10 @@ class DecayFit(FitMoments):
         """The i-th of several fits."""
         return DecayFit(**{f.name: float(getattr(self, f.name)[i]) for f in fields(self) if f.name != "t0"}, t0=self.t0)
 
+    def some(self, rows: NDArray[np.intp]) -> "DecayFit":
+        """Those of several fits."""
+        return DecayFit(**{f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "t0"}, t0=self.t0)
+
     def as_one_of_several(self) -> "DecayFit":
         """The same as several fits of which it is the only one."""
         return DecayFit(**{f.name: np.array([getattr(self, f.name)]) for f in fields(self) if f.name != "t0"}, t0=self.t0)
@@ -97,13 +101,19 @@ class DecayFit(FitMoments):
         """Reading (..., n) minus model, and a basis (..., n, 3) of the directions in which the fit can move."""
         dt = time - self.t0
         level, slope, rate, mean = (np.asarray(v)[..., None] for v in (self.level, self.slope, self.rate, self.phi_mean))
-        decay = np.exp(-rate * dt)
-        model = level + slope * ((1.0 - decay) / rate - mean)
-        across = np.empty((*decay.shape[:-1], 3, decay.shape[-1]))  # direction by direction in memory, as their sums run
+        across = np.empty(
+            (*np.broadcast_shapes(rate.shape, dt.shape)[:-1], 3, len(dt))
+        )  # a direction after another, as their sums run
+        decay = across[..., 1, :]
         across[..., 0, :] = 1.0
-        across[..., 1, :] = decay
+        np.exp(np.multiply(-rate, dt, out=decay), out=decay)
         np.multiply(dt, decay, out=across[..., 2, :])
-        return reading - model, across.swapaxes(-1, -2)
+        model = 1.0 - decay
+        model /= rate
+        model -= mean
+        model *= slope
+        model += level
+        return np.subtract(reading, model, out=model), across.swapaxes(-1, -2)
 
     @property
     def steady_state_limit(self) -> Any:
@@ -305,15 +315,13 @@ def likelihood_sweep(
     return found.states[0], found.width[0], None if math.isnan(fit.rate) else fit
 
 
-def widened_intervals(
-    fit: DecayFit, time: Array, reading: Array, weight: Array, widening: float
-) -> tuple[float, float, float, float]:
-    """Bounds with the noise variance times `widening`, for dependent residuals; nan where a side is open.
+def widened_intervals(fit: DecayFit, time: Array, reading: Array, weight: Array, widening: Array) -> tuple[Array, ...]:
+    """Bounds of S fits of records (S, n) with their noise variances times `widening` (S,), for dependent residuals.
 
-    Returns (rate low, rate high [1/min], steady state low, high [degC]).
+    Returns (rate low, rate high [1/min], steady state low, high [degC]), each (S,), nan where a side is open.
     """
-    noise = fit.noise_variance * widening
-    limit = fit.rss + noise * float(t_quantile(fit.dof)) ** 2
-    bounds = kernel.profile_decay(np.ascontiguousarray(time), np.ascontiguousarray(reading), weight, fit.rate, limit)
-    low, high, steady_low, steady_high = _open_sides(fit.slope, tuple(np.asarray(b) for b in bounds))  # type: ignore[arg-type]
-    return float(low), float(high), float(steady_low), float(steady_high)
+    limit = fit.rss + fit.noise_variance * widening * t_quantile(fit.dof) ** 2
+    out = np.empty((len(reading), 4))
+    t, y, w, rate, most = (np.ascontiguousarray(a, dtype=float) for a in (time, reading, weight, fit.rate, limit))
+    kernel.profile_decay(t, y, w, rate, most, out)
+    return _open_sides(fit.slope, tuple(out.T))  # type: ignore[arg-type]

@@ -116,14 +116,32 @@ def test_profiles_agree_where_the_contour_is_open():
     rng = np.random.default_rng(4)
     t = np.arange(12.0)
     y = 20 + 0.1 * t + 0.05 * rng.standard_normal(12)  # a straight line: no steady state
-    w = np.ones(12)
-    fit = fit_decay(t, y, w)
-    limit = fit.rss * 1.6
-    fast = _lump.profile_decay(t, y, w, fit.rate, limit)
-    plain = _lump_numpy.profile_decay(t, y, w, fit.rate, limit)
-    assert math.isnan(fast[0])
-    assert math.isnan(plain[0])
-    assert fast[1:3] == pytest.approx(plain[1:3], rel=1e-3)
+    bent = 20 + 6.0 * -np.expm1(-t / 4.0) + 0.05 * rng.standard_normal(12)
+    w = np.ones((2, 12))
+    fits = [fit_decay(t, line, w[0]) for line in (y, bent)]
+    rate, limit = np.array([fit.rate for fit in fits]), np.array([1.6 * fit.rss for fit in fits])
+    fast, plain = np.empty((2, 4)), np.empty((2, 4))
+    for core, out in ((_lump, fast), (_lump_numpy, plain)):
+        core.profile_decay(t, np.array([y, bent]), w, rate, limit, out)
+    assert np.isnan([fast[0, 0], plain[0, 0]]).all()
+    np.testing.assert_allclose(fast[0, 1:3], plain[0, 1:3], rtol=1e-3)
+    np.testing.assert_allclose(fast[1], plain[1], rtol=1e-6)
+    assert fast[1, 0] < fits[1].rate < fast[1, 1]
+
+
+@pytest.mark.parametrize("core", [_lump, _lump_numpy])
+def test_profiles_of_shapes_that_do_not_agree_are_refused(core):
+    t, y, w, one, out = np.arange(12.0), np.ones((2, 12)), np.ones((2, 12)), np.ones(2), np.empty((2, 4))
+    for told in (
+        (t[1:], y, w, one, one, out),
+        (t, y, w[:1], one, one, out),
+        (t, y, w, one[:1], one, out),
+        (t, y, w, one, one[:1], out),
+        (t, y, w, one, one, out[:1]),
+        (t, y, w, one, one, out[:, :3].copy()),
+    ):
+        with pytest.raises(ValueError, match=r"needed|bounds"):
+            core.profile_decay(*told)
 
 
 CASES = [

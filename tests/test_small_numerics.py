@@ -16,7 +16,7 @@ from thermofast.models.imperfection import numerics
 from thermofast.models.noise.discrepancy import Columns, Flutter, Noise, RandomWalk
 from thermofast.models.noise.rounding import cell_residual, rounding_bias, without_rounding
 from thermofast.models.noise.spectral import block_means
-from thermofast.models.noise.spikes import bridged, difference_noise, third_difference_noise
+from thermofast.models.noise.spikes import bridged, difference_noise, exceeds_difference_noise, third_difference_noise
 from thermofast.models.noise.whiteness import _blocks, pattern_p_value
 from thermofast.models.observations import held_out_blocks
 from thermofast.models.search.logged import follows_machine
@@ -236,6 +236,24 @@ def test_noise_of_few_readings_and_of_steps():
     np.testing.assert_allclose(
         difference_noise(np.array([reading, 2.0 * reading])), [difference_noise(reading), 2 * difference_noise(reading)]
     )
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 5, 40, 41])
+def test_what_exceeds_the_noise_of_differences_is_what_is_larger_than_it(n):
+    """By the noise itself, of many records, and of sizes just beside it, where as many differences lie above as below."""
+    rng = np.random.default_rng(n)
+    reading = np.round(rng.standard_normal((200, n)), 1)
+    noise = difference_noise(reading)
+    for size in (noise * (1.0 - 1e-9) - 1e-12, noise * (1.0 + 1e-9) + 1e-12, rng.uniform(0.0, 2.0, 200), np.full(200, -1.0)):
+        np.testing.assert_array_equal(exceeds_difference_noise(reading, size), size > noise)
+
+
+def test_dependence_of_many_records_is_that_of_each():
+    rng = np.random.default_rng(4)
+    residual = np.array([np.convolve(rng.standard_normal(60 + k), np.ones(k), "valid")[:60] for k in range(1, 9)] + [np.zeros(60)])
+    together = variance_inflation(residual)
+    np.testing.assert_allclose(together, [variance_inflation(line) for line in residual], rtol=1e-12)
+    assert together[-1] == 1.0 < together[3] < together[7]
 
 
 def test_readings_that_are_out_lie_on_the_line_between_their_neighbours():

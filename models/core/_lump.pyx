@@ -746,20 +746,26 @@ cdef void profile(Problem* p, Sums* s, double limit, double* out) noexcept nogil
     out[2] = extreme(p, -theta, s.rate, a, b, limit, -1)
 
 
-def profile_decay(const double[::1] t, const double[::1] y, const double[::1] w, double rate, double limit):
+def profile_decay(const double[::1] t, const double[:, ::1] y, const double[:, ::1] w, const double[::1] rate,
+                  const double[::1] limit, double[:, ::1] out):
     """See :func:`thermofast.models.core._lump_numpy.profile_decay`."""
     cdef Problem p
     cdef Sums s
-    cdef double out[4]
-    agree(t.shape[0], y.shape[0], "readings")
-    agree(t.shape[0], w.shape[0], "weights")
-    p = allocate(t.shape[0])
+    cdef Py_ssize_t i, n = t.shape[0], rows = y.shape[0]
+    agree(n, y.shape[1], "readings")
+    agree(n, w.shape[1], "weights")
+    agree(rows, w.shape[0], "rows of weights")
+    agree(rows, rate.shape[0], "rates")
+    agree(rows, limit.shape[0], "limits")
+    agree(rows, out.shape[0], "rows of bounds")
+    agree(4, out.shape[1], "bounds")
+    p = allocate(n)
     try:
-        if not t.shape[0] or fill(&p, &t[0], &y[0], &w[0], t.shape[0], False):
-            raise ValueError("a profile needs three readings at different times")
-        evaluate(&p, rate, True, &s)
-        profile(&p, &s, limit, out)
-        return out[0], out[1], out[2], out[3]
+        for i in range(rows):
+            if not n or fill(&p, &t[0], &y[i, 0], &w[i, 0], n, False):
+                raise ValueError("a profile needs three readings at different times")
+            evaluate(&p, rate[i], True, &s)
+            profile(&p, &s, limit[i], &out[i, 0])
     finally:
         free(p.t)
 

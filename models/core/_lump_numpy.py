@@ -236,14 +236,21 @@ def _profile(p: _Problem, s: _Sums, limit: float) -> tuple[float, float, float, 
     return rate_low, rate_high, lower, upper
 
 
-def profile_decay(t: Array, y: Array, w: Array, rate: float, limit: float) -> tuple[float, float, float, float]:
-    """Likelihood interval of the rate and of the steady state: where the residual sum of squares reaches `limit`.
+def profile_decay(t: Array, y: Array, w: Array, rate: Array, limit: Array, out: Array) -> None:
+    """Likelihood intervals of the rate and of the steady state: where the residual sum of squares reaches `limit` (S,).
 
-    `rate` is the estimate. Returns (rate low, rate high, steady state low, steady state high); a rate is nan where the contour
-    does not close.
+    `rate` (S,) are the estimates of records y with weights w (S, n) at t (n,). Into out (S, 4) go the rate's low and high and the
+    steady state's low and high; a rate is nan where the contour does not close.
+
+    Raises
+    ------
+    ValueError: a record without three readings at different times; shapes that do not agree.
     """
-    p = _Problem(t, y, w, False)
-    return _profile(p, p.evaluate(rate), limit)
+    if not (y.shape == w.shape == (len(rate), len(t)) and len(limit) == len(rate) and out.shape == (len(rate), 4)):
+        raise ValueError(f"{y.shape} readings and {w.shape} weights at {len(t)} times, for {out.shape} bounds")
+    for k in range(len(y)):
+        p = _Problem(t, y[k], w[k], False)
+        out[k] = _profile(p, p.evaluate(float(rate[k])), float(limit[k]))
 
 
 def _drop_outliers(p: _Problem, s: _Sums, t: Array, y: Array, w: Array, outlier: float, resolution: float) -> bool:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..decay import LOG_TWENTY
 from .blocks import Blocks, Part, block_means
 from .machine.known import NOTHING
-from .numerics import cells, core, law_slope, log_sum, student, within_depth
+from .numerics import abreast, cells, core, law_slope, log_sum, student, within_depth
 from .prior import SLOW, Imperfection
 from .shapes import Asked, constant, covariances, kept_covariances, law, of_room, slow_rise
 
@@ -129,12 +129,20 @@ class Run:
         return found
 
     def evaluate(
-        self, log_rate: Array, active: NDArray[np.bool_], asked: int, wrong: Sequence[tuple[Array, Array]] | None = None
+        self,
+        log_rate: Array,
+        active: NDArray[np.bool_],
+        asked: int,
+        wrong: Sequence[tuple[Array, Array]] | None = None,
+        into: Array | None = None,
+        kept: bool = True,
     ) -> tuple[Array, Array, list[Foretold]]:
         """Evidence (S, F, H), nan where not active, and signed rise (S, F) at log rates (S, F); where any temperature is asked for,
-        what is foretold of each sensor. wrong: in place of the parts'.
+        what is foretold of each sensor. wrong: in place of the parts'; into: evidence that stands where nothing is active;
+        without `kept` the evidence is an empty table.
         """
-        evidence, rise = np.full(active.shape, np.nan), np.empty(log_rate.shape)
+        evidence = np.full(active.shape if kept else (0, 0, 0), np.nan) if into is None else into
+        rise = np.empty(log_rate.shape)
         foretold: list[Foretold] = []
         for i, blocks in enumerate(self.blocks):
             first, behind, m = int(self.rows[i]), int(self.rows[i + 1]), len(blocks.time)
@@ -176,7 +184,8 @@ class Run:
                     mean,
                     variance,
                 )
-                evidence[rows][..., of] = found[0]
+                if kept:
+                    evidence[rows][..., of] = found[0] if into is None else np.where(there, found[0], evidence[rows][..., of])
                 if asked:
                     mean += known[own][:, :, None, m : m + asked]
                     each = zip(mean, variance, found[1], there, strict=True)
@@ -346,17 +355,22 @@ class Run:
         # Rates about the law's own that lie outside the grid stand at its ends, for nothing.
         stands = anew[:, None] & (cells(log_rate) > 0.0)
         active = np.broadcast_to(stands[..., None] & which, (*log_rate.shape, len(self.kind)))
-        stand = self._known[~anew] if not anew.all() else None
-        self._known = np.zeros(0)
-        evidence = self.evaluate(log_rate, active, 0)[0]
-        if stand is not None:
-            evidence[~anew] = stand
+        known, self._known = self._known, np.zeros(0)
+        if anew.all():
+            del known  # before another one is made
+            evidence = self.evaluate(log_rate, active, 0)[0]
+        else:
+            known[anew] = np.nan
+            evidence = self.evaluate(log_rate, active, 0, into=known)[0]
         self._known = evidence
         posterior = self.weighed(log_rate, evidence)
         classes = [self.base] if self.base.all() else [self.base, ~self.base]
-        said, dense, agreeing = self.told(log_rate, np.stack([log_sum(posterior[..., own], 2) for own in classes]))
+        few = [posterior[rows] for rows in abreast(len(posterior))]
+        of_classes = np.stack([np.concatenate([log_sum(some[..., own], 2) for some in few]) for own in classes])
+        said, dense, agreeing = self.told(log_rate, of_classes)
         for own, of_class in zip(classes, said, strict=True):
-            posterior[..., own] += of_class[..., None]
+            for some, rows in zip(few, abreast(len(posterior)), strict=True):
+                some[..., own] += of_class[rows, :, None]
         return posterior, log_sum(posterior, 2), dense, agreeing
 
     def settles(self, sensor: int, log_rate: Array) -> tuple[Array | float, Array | float]:

@@ -94,7 +94,7 @@ def _stands(grid: Array, one: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _likely(run: Run, grid: Array, evidence: Array) -> Array:
     """Log posterior (S, F) of log rates, its top at nought, by the one hypothesis whose evidence (S, F, H) stands."""
-    found = np.where(np.isnan(evidence), -np.inf, evidence).max(axis=2)
+    found = np.fmax.reduce(evidence, axis=2, initial=-np.inf)
     found = found + run.log_rate_prior(grid - run.centre[:, None]) + np.log(np.maximum(cells(grid), 1e-12))
     top = found.max(axis=1, keepdims=True)
     return np.where(np.isfinite(top), found, 0.0) - np.where(np.isfinite(top), top, 0.0)

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core import kernel
 from ..core.kernel import Array
@@ -15,6 +16,27 @@ def difference_noise(reading: Array) -> Any:
         return np.zeros(reading.shape[:-1])[()]
     step = reading[..., 1:] - reading[..., :-1]
     return 1.4826 * _median(np.abs(step - _median(step)[..., None])) / math.sqrt(2.0)
+
+
+def exceeds_difference_noise(reading: Array, size: Array) -> NDArray[np.bool_]:
+    """Whether sizes (S,) [K] are larger than :func:`difference_noise` of the readings (S, n).
+
+    Of most, counting says so: where fewer than half of the differences lie within the size of any place that their median can have.
+    """
+    if reading.shape[-1] < 3:
+        return np.asarray(size > 0.0)
+    step = reading[:, 1:] - reading[:, :-1]
+    half, deviation = 0.5 * step.shape[1], size * (math.sqrt(2.0) / 1.4826)
+    few = step[:, ::4]
+    step -= _median(few)[:, None]
+    # How far the median of all may be from that of a few, and still half of them lie beyond.
+    reach = np.maximum(0.8 * _median(np.abs(few)) - deviation, 0.0)[:, None]
+    above, below = np.count_nonzero(step > reach, axis=1), np.count_nonzero(step < -reach, axis=1)
+    near = np.count_nonzero(np.abs(step, out=step) < reach + deviation[:, None], axis=1)
+    larger: NDArray[np.bool_] = ~((above < half) & (below < half) & (near < half))
+    open_ = np.flatnonzero(larger)
+    larger[open_] = size[open_] > difference_noise(reading[open_])
+    return larger
 
 
 def _divided(reading: Array, time: Array) -> Array:

@@ -19,14 +19,14 @@ from thermofast.models import (
     PrintedLump,
     Stretches,
     difference_noise,
+    exceeds_difference_noise,
     likelihood_sweep,
     likelihood_sweeps,
     likelihoods,
-    pattern_p_value,
     t_quantile,
-    variance_inflation,
     widened_intervals,
 )
+from thermofast.models.noise.whiteness import pattern_p_values, variance_inflations
 from thermofast.models.observations import read_only
 
 from ..errors import in_one_line
@@ -106,15 +106,18 @@ def likelihood_estimates(
         misfit = np.sqrt(squares / used.sum(axis=1))
     p = pattern_p_values(scaled, tangent, used & (fit.dof >= 9)[:, None])
     widening = np.maximum(_rounding(fit, resolution), 1.0)
-    for i in np.flatnonzero(p < RULES.widen).tolist():
-        widening[i] = max(widening[i], variance_inflation(scaled[i][used[i]]))
+    rows = np.flatnonzero(p < RULES.widen)
+    if len(rows):
+        widening[rows] = np.maximum(widening[rows], variance_inflations(scaled[rows], used[rows]))
     sides = [found.rate_low.copy(), found.rate_high.copy(), found.steady_low.copy(), found.steady_high.copy()]
-    for i in np.flatnonzero((widening > 1.0) & (fit.dof > 0) & (fit.rss > 0.0)).tolist():
-        for side, bound in zip(sides, widened_intervals(fit.one(i), time, reading[i], weights[i], float(widening[i])), strict=True):
-            side[i] = bound
+    rows = np.flatnonzero((widening > 1.0) & (fit.dof > 0) & (fit.rss > 0.0))
+    if len(rows):
+        wider = widened_intervals(fit.some(rows), time, reading[rows], weights[rows], widening[rows])
+        for side, bound in zip(sides, wider, strict=True):
+            side[rows] = bound
     rate_low, rate_high, steady_low, steady_high = sides
     # Neighbours differ by noise alone: residuals several times larger are something else, even where they show no pattern.
-    too_large = (misfit > 3.0 * difference_noise(reading) + resolution) & (len(time) >= 12)
+    too_large = exceeds_difference_noise(reading, (misfit - resolution) / 3.0) & (len(time) >= 12)
     state, covariance = fit.state(float(time[-1]))
     curved = fit.rate > 1.001 * fit.least
     with np.errstate(all="ignore"):
@@ -143,19 +146,6 @@ def likelihood_estimates(
         faded=np.zeros(len(reading), dtype=bool),
         too_large=too_large,
     )
-
-
-def pattern_p_values(residual: Array, tangent: Array, used: NDArray[np.bool_]) -> Array:
-    """:func:`pattern_p_value` of each row (S, n), tangent (S, n, m), over the readings that are used; nan where none is."""
-    p = np.full(len(residual), np.nan)
-    whole = used.all(axis=1)
-    if whole.all():
-        return np.asarray(pattern_p_value(residual, tangent))
-    if whole.any():
-        p[whole] = pattern_p_value(residual[whole], tangent.swapaxes(-1, -2)[whole].swapaxes(-1, -2))
-    for i in np.flatnonzero(~whole & used.any(axis=1)):
-        p[i] = pattern_p_value(residual[i][used[i]], tangent[i][used[i]])
-    return p
 
 
 def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int, resolution: float, outlier: float) -> Estimate:
@@ -364,7 +354,7 @@ def _look_white(fits: DecayFit, time: Array, reading: Array, weights: Array, res
         residual, tangent = fits.residual_and_tangent(time, reading)
         p = pattern_p_values(residual * root, tangent * root[..., None], used & whole[:, None])
         misfit = np.sqrt((np.where(used, residual, 0.0) ** 2).sum(axis=1) / used.sum(axis=1))
-        white: NDArray[np.bool_] = whole & (p >= RULES.doubt) & (misfit <= 3.0 * difference_noise(reading) + resolution)
+        white: NDArray[np.bool_] = whole & (p >= RULES.doubt) & ~exceeds_difference_noise(reading, (misfit - resolution) / 3.0)
     return white
 
 

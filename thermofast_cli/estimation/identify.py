@@ -392,9 +392,10 @@ class _Block:
 
     def _said(self, i: int, about_numbers: Sequence[str], claimed: Claims | None, tripped: Trips | None) -> str:
         """What a sensor's row says in words: of its numbers, its readings, and of how it was read."""
-        row = self.sensors.rows[i]
-        let_go = claimed is not None and bool(claimed.let_go[i])
-        about = self.notes[row].split("; ") if self.notes[row] else []
+        noted = self.notes[self.sensors.rows[i]]
+        if claimed is None and tripped is None and not (about_numbers or noted or self.sensors.notes[i]):
+            return ""
+        let_go, about = claimed is not None and bool(claimed.let_go[i]), noted.split("; ") if noted else []
         said = [*about_numbers, *self.sensors.notes[i], *(without_past(about) if let_go else about)]
         said[:0] = tripped.said(i) if tripped is not None else []
         if let_go:

@@ -212,8 +212,12 @@ def _maybe_frozen(reading: Array) -> NDArray[np.intp]:
     m = (reading.shape[1] - 1) // half
     if m < 2:
         return np.empty(0, dtype=np.intp)
-    same = reading[:, 1 : m * half + 1] == reading[:, : m * half]
-    return np.flatnonzero(same.reshape(len(reading), m, half).all(axis=2).any(axis=1))
+    first = reading[:, : m * half : half]
+    maybe = np.logical_and.reduce([reading[:, k : m * half + 1 : half][:, :m] == first for k in (1, half // 2, half)])
+    rows = np.flatnonzero(maybe.any(axis=1))
+    same = reading[rows, 1 : m * half + 1] == reading[rows, : m * half]
+    found: NDArray[np.intp] = rows[same.reshape(len(rows), m, half).all(axis=2).any(axis=1)]
+    return found
 
 
 def frozen(reading: Array, resolution: float) -> NDArray[np.bool_]:
@@ -355,9 +359,12 @@ def left_at_end(weights: Array, sensors: Sensors) -> NDArray[np.intp]:
     No machine goes faster than its heat drives it: a reading farther from the one before than several times any other step is the
     logger's.
     """
-    out, reading = weights == 0.0, sensors.reading[:, : weights.shape[1]]
-    row: NDArray[np.intp] = np.where(out.all(axis=1), 0, out[:, ::-1].argmin(axis=1))
+    row = np.zeros(len(weights), dtype=np.intp)
+    some = np.flatnonzero(weights[:, -1] == 0.0)
+    out, reading = weights[some] == 0.0, sensors.reading[some, : weights.shape[1]]
+    last = np.where(out.all(axis=1), 0, out[:, ::-1].argmin(axis=1))
     step = np.abs(np.diff(reading, axis=1))
     usual = np.where(out[:, 1:] | out[:, :-1], 0.0, step).max(axis=1, initial=0.0)
-    first = step[np.arange(len(row)), np.minimum(step.shape[1] - row, step.shape[1] - 1)] if step.shape[1] else usual
-    return np.where(first <= RULES.fastest_step * usual, row, 0)
+    first = step[np.arange(len(some)), np.minimum(step.shape[1] - last, step.shape[1] - 1)] if step.shape[1] else usual
+    row[some] = np.where(first <= RULES.fastest_step * usual, last, 0)
+    return row

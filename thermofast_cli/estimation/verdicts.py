@@ -334,8 +334,8 @@ def law_verdicts(
         too_wide = width > RULES.widest * np.maximum(seen, 4.0 * found.noise)
         largest = np.abs(sensors.reading).max(axis=1)
         doubted = found.faded | _misfits(found.pattern_p, found.too_large, found.misfit, sensors.resolution, largest)
-    out, far = (found.weights == 0.0).sum(axis=1), went(found, sensors)
-    row = left_at_end(found.weights, sensors)
+    out, row = (found.weights == 0.0).sum(axis=1), left_at_end(found.weights, sensors)
+    far = went(found, sensors) if (bounded & too_wide).any() else seen
     swings, leave = _too_many(out, found), np.where(row >= RULES.last_alone, row, 0)
     doubted = doubted | swings | (leave > 0)
     status = np.where(~bounded | too_wide, "not_determined", np.where(doubted, "model_doubtful", "ok")).tolist()
