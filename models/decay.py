@@ -101,9 +101,8 @@ class DecayFit(FitMoments):
         """Reading (..., n) minus model, and a basis (..., n, 3) of the directions in which the fit can move."""
         dt = time - self.t0
         level, slope, rate, mean = (np.asarray(v)[..., None] for v in (self.level, self.slope, self.rate, self.phi_mean))
-        across = np.empty(
-            (*np.broadcast_shapes(rate.shape, dt.shape)[:-1], 3, len(dt))
-        )  # a direction after another, as their sums run
+        # One direction after another in memory, as their sums run.
+        across = np.empty((*np.broadcast_shapes(rate.shape, dt.shape)[:-1], 3, len(dt)))
         decay = across[..., 1, :]
         across[..., 0, :] = 1.0
         np.exp(np.multiply(-rate, dt, out=decay), out=decay)
@@ -206,7 +205,10 @@ def _fits(
     wide: float = math.inf,
 ) -> Fits:
     """Fits (S, m) of the first counts (m,) readings of records (S, n); a single count changes the weights (S, n)."""
-    usable = np.concatenate([np.zeros((len(weight), 1)), np.cumsum(weight > 0.0, axis=1)], axis=1)[:, counts]
+    if len(counts) == 1:  # as nearly always, and then nothing needs to be summed up on the way
+        usable = np.count_nonzero(weight[:, : counts[0]] > 0.0, axis=1)[:, None]
+    else:
+        usable = np.concatenate([np.zeros((len(weight), 1)), np.cumsum(weight > 0.0, axis=1)], axis=1)[:, counts]
     quantiles = np.ascontiguousarray(t_quantile(np.maximum(usable - 3, 1)))
     out = np.empty((len(reading), len(counts)), kernel.FIT)
     t, y = np.ascontiguousarray(time), np.ascontiguousarray(reading)

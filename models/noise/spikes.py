@@ -104,7 +104,10 @@ def logger_steps(reading: Array) -> Array:
     ordered = np.round(reading, 9)
     ordered.sort(axis=1)
     gaps = ordered[:, 1:] - ordered[:, :-1]
-    step = np.where(gaps > 0.0, gaps, np.inf).min(axis=1)
+    same = gaps == 0.0
+    gaps[same] = np.inf
+    step = gaps.min(axis=1)
+    gaps[same] = 0.0
     known = np.isfinite(step) & (step >= 1e-6)
     gaps /= np.where(known, step, 1.0)[:, None]
     gaps -= np.rint(gaps)

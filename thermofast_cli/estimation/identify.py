@@ -396,8 +396,8 @@ class _Block:
         if claimed is None and tripped is None and not (about_numbers or noted or self.sensors.notes[i]):
             return ""
         let_go, about = claimed is not None and bool(claimed.let_go[i]), noted.split("; ") if noted else []
-        said = [*about_numbers, *self.sensors.notes[i], *(without_past(about) if let_go else about)]
-        said[:0] = tripped.said(i) if tripped is not None else []
+        about = without_past(about) if let_go else about
+        said = [*(tripped.said(i) if tripped is not None else ()), *about_numbers, *self.sensors.notes[i], *about]
         if let_go:
             said.insert(0, why_let_go(self.method.past, float(np.ptp(self.sensors.time[: self.count]))))
         if claimed is not None:
@@ -406,7 +406,7 @@ class _Block:
             if self.room is not None and self.surroundings is None:
                 moves = "move with the machine" if self.logged is not None else "are logged for too little of the time used"
                 said.append(f"the logged surroundings {moves} and are not used")
-        return _joined(said) if said else ""
+        return _joined(said)
 
     def _at(self, claimed: Claims | None, found: Estimates) -> tuple[dict[str, Array], tuple[str, ...]]:
         """Time, temperature and its interval at the time asked for; and what the room may do until then, in words."""
@@ -447,8 +447,7 @@ class _Block:
             moved = moved_by_room(self.time_min, logged, claimed.rate[:, 1], float(sensors.time[n - 1]), later)
             low, curve, high = low + moved, curve + moved, high + moved
         error = np.where(kept & told[:, None], sensors.reading[:, n:] - curve, np.nan)
-        number = np.isfinite(error).sum(axis=1)
-        told &= number > 0
+        told &= (number := np.isfinite(error).sum(axis=1)) > 0
         ahead[told] = np.sqrt(np.nansum(error[told] ** 2, axis=1) / number[told])
         against = {}
         if claimed is not None and low is not None and high is not None:
@@ -472,8 +471,8 @@ class _Block:
         sensor, n = self.sensors.one(i), self.count
         trace = trace_columns(self.method.model, single(i), sensor.time[:n], sensor.reading[:n])
         room = float(self.surroundings[n - 1]) if self.surroundings is not None else None
-        sensor = replace(sensor, reading=self.sensors.measured(i))
-        return trace, curves_of(record, sensor, found.one(i), trace, n, self.until_min, claimed, i, room)
+        given = replace(sensor, reading=self.sensors.measured(i)), found.one(i), trace, n, self.until_min, claimed, i, room
+        return trace, curves_of(record, *given)
 
 
 def _joined(messages: list[Any]) -> str:

@@ -162,7 +162,7 @@ def _maybe_saturated(reading: Array) -> NDArray[np.intp]:
     if reading.shape[1] <= 3 * RULES.saturated_readings:
         return np.empty(0, dtype=np.intp)
     often = [
-        (reading == extreme).sum(axis=1) >= RULES.saturated_readings
+        np.count_nonzero(reading == extreme, axis=1) >= RULES.saturated_readings
         for extreme in (reading.max(axis=1, keepdims=True), reading.min(axis=1, keepdims=True))
     ]
     return np.flatnonzero(often[0] | often[1])
