@@ -6,6 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 import thermofast as tf
@@ -14,7 +16,8 @@ from thermofast.analysis.bench import Trial, _error, choose_among
 from thermofast.analysis.calibration import _limits, past_run
 from thermofast.estimation.estimate import FilterError
 from thermofast.estimation.measured import counted_to, measured_equilibria
-from thermofast.estimation.sensor import Sensor, frozen, prepare_all, saturated
+from thermofast.estimation.rules import RULES
+from thermofast.estimation.sensor import Sensor, Sensors, _maybe_frozen, frozen, left_at_end, prepare_all, saturated
 from thermofast.models.standards.settled import Passing, without_strays
 from thermofast.pipeline.methods import choose
 from thermofast.reading.follow import Follower
@@ -243,6 +246,19 @@ def test_where_nobody_read_nobody_knows():
     assert row.t95_measured_min is None
 
 
+@given(st.lists(st.tuples(st.integers(0, 3), st.integers(1, 45)), min_size=1, max_size=12), st.integers(0, 9))
+def test_no_run_of_equal_readings_is_overlooked(stretches, seed):
+    """Those that are looked at closely are all that hold half as many equal differences in a row as the rule asks for, by blocks."""
+    half = RULES.frozen_readings // 2
+    values = np.concatenate([np.full(long, float(level)) for level, long in stretches])
+    noisy = np.where(np.random.default_rng(seed).random(len(values)) < 0.1, values + 1.0, values)
+    reading = np.array([values, noisy, np.arange(len(values)) * 0.5])
+    m = (len(values) - 1) // half
+    blocks = [[bool((np.diff(row)[j * half : (j + 1) * half] == 0.0).all()) for j in range(m)] for row in reading]
+    expected = [i for i, of in enumerate(blocks) if any(of)] if m >= 2 else []
+    assert _maybe_frozen(reading).tolist() == expected
+
+
 def test_a_frozen_probe_is_left_out():
     """Sixty readings alike, of a noise of two steps: taken for a machine that had settled."""
     time, reading = _lump()
@@ -377,3 +393,14 @@ def test_a_curve_without_a_limit_foretells_nothing():
     assert len(_error(estimate, Sensor(time, reading, 0.01, ()), 80, 160)) == 0
     estimate.steady_state = 30.0
     assert len(_error(estimate, Sensor(time, reading, 0.01, ()), 80, 160)) == 80
+
+
+def test_last_readings_that_are_out_are_counted_where_a_machine_may_have_gone_there():
+    """One or three in a row; none where another follows, nor where the step there is several times any other."""
+    time = np.arange(20.0)
+    reading, weights = np.tile(20.0 + 0.1 * time, (5, 1)), np.ones((5, 20))
+    for row, (out, far) in enumerate((([19], 0.1), ([17, 18, 19], 0.1), ([18], 0.1), ([18, 19], 9.0), ([], 0.0))):
+        reading[row, out] += far
+        weights[row, out] = 0.0
+    sensors = Sensors(np.arange(5), time, reading, np.zeros(5), ((),) * 5)
+    assert left_at_end(weights, sensors).tolist() == [1, 3, 0, 0, 0]

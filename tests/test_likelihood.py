@@ -180,3 +180,18 @@ def test_a_direction_that_moves_nothing_changes_no_p_value():
     two, three = np.stack([np.ones(60), along], axis=1), np.stack([np.ones(60), along, np.zeros(60)], axis=1)
     with np.errstate(all="raise"):
         assert pattern_p_value(residual, three) == pytest.approx(pattern_p_value(residual, two), rel=0.1)
+
+
+def test_readings_of_no_weight_do_not_narrow_an_interval():
+    """Bounds of a record with readings that do not count are those of the record without them, which has as many degrees less."""
+    rng = np.random.default_rng(3)
+    t = np.arange(9.0)
+    y = 20.0 + 6.0 * -np.expm1(-t / 5.0) + 0.05 * rng.standard_normal(9)
+    weight, first = np.ones((1, 9)), np.zeros(1, dtype=np.intp)
+    weight[0, [2, 5, 7]] = 0.0
+    kept = weight[0] > 0.0
+    found = likelihoods(t, y[None], weight, np.zeros(1), first)
+    alone = likelihoods(t[kept], y[None, kept], weight[:, kept], np.zeros(1), first)
+    for name in ("rate_low", "rate_high", "steady_low", "steady_high"):
+        assert getattr(found, name) == pytest.approx(getattr(alone, name), rel=1e-9), name
+    assert found.fit.dof == 3

@@ -231,3 +231,21 @@ def test_what_was_worked_out_is_kept_for_sensors_that_are_not_looked_at_anew(see
     assert weight.sum(axis=(1, 2)) == pytest.approx([1.0, 1.0])
     mean = (weight.sum(axis=2) * log_rate).sum(axis=1)
     assert np.exp(mean) == pytest.approx(1.0 / 40.0, rel=0.05)
+
+
+def test_what_stands_of_other_sensors_stays_when_one_is_looked_at_anew():
+    """Ten sensors, more than are worked on at a time: a look at three of them gives what a look at all gives of all."""
+    time, rng = np.arange(0.0, 40.0, 0.5), np.random.default_rng(8)
+    reading = 20.0 + 6.0 * -np.expm1(-time / rng.uniform(30.0, 60.0, (10, 1))) + 0.02 * rng.standard_normal((10, len(time)))
+    run = Run([Part(time, reading, np.full(10, 0.02), np.zeros(10))], 45.0, TYPICAL, np.zeros(0), "auto")
+    before = np.tile(np.linspace(-4.6, -3.0, 9), (10, 1))
+    after, anew = before.copy(), np.isin(np.arange(10), (1, 8, 9))
+    after[anew] = np.maximum(before[anew], -4.0)  # rates that stand for nothing, at the end of the grid
+    whole = run._looked(after, np.ones(10, dtype=bool))
+    evidence = run._known.copy()
+    run._looked(before, np.ones(10, dtype=bool))
+    again = run._looked(after, anew)
+    np.testing.assert_array_equal(run._known, evidence)
+    assert np.isfinite(evidence).any(axis=(1, 2)).all()
+    for mine, other in zip(again, whole, strict=True):
+        np.testing.assert_array_equal(mine, other)

@@ -111,6 +111,10 @@ def test_sums_of_exponentials_and_the_log_density_of_student():
     values = np.array([[-1000.0, -1001.0], [700.0, 710.0], [-np.inf, -np.inf]])
     np.testing.assert_allclose(numerics.log_sum(values, 1), logsumexp(values, axis=1))
     np.testing.assert_allclose(numerics.log_sum(values, 0), logsumexp(values, axis=0))
+    table = np.random.default_rng(6).normal(0.0, 300.0, (19, 4, 5))  # more rows than are worked on at a time, and not a multiple
+    table[3] = -np.inf
+    for axis in (0, 1, 2):
+        np.testing.assert_allclose(numerics.log_sum(table, axis), logsumexp(table, axis=axis))
     off, spread = np.array([0.0, 1.0, 5.0]), np.array([0.5, 2.0, 1.0])
     found = numerics.student(off, spread, 4.0) - stats.t.logpdf(off, 4.0, 0.0, spread)
     np.testing.assert_allclose(found, found[0])

@@ -32,8 +32,6 @@ FEW, FINE, MORE = 24, 28, 3
 ANCHORS = np.array([-8.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0])
 #: Every so many nodes the first look over all rates takes.
 COARSE = 3
-#: Sensors that are worked out at once.
-AT_ONCE = 8
 #: Of a record that is hardly bent the time constant is a guess, and its discrepancies are counted by its own length.
 LONGEST_UNIT = 1.0
 #: A record that is nearly straight has a pilot that is too fast: towards slower rates the prior is so many times as wide.
@@ -154,8 +152,7 @@ class Run:
             known = np.broadcast_to(known, of_law.shape)
             doubts = (self.wrong if wrong is None else wrong)[i]
             # Of all hypotheses of all sensors at once what is foretold, and slow parts, would take many times what the readings do.
-            for begin in range(0, len(some), AT_ONCE):
-                own = slice(begin, min(begin + AT_ONCE, len(some)))
+            for own in abreast(len(some)):
                 rows = slice(first + own.start, first + own.stop)
                 of = active[rows].any(axis=(0, 1))
                 there = np.ascontiguousarray(active[rows][..., of])

@@ -112,7 +112,7 @@ def within_depth(log_rate: Array, marginal: Array, depth: float, margin: float) 
 
 def abreast(count: int) -> list[slice]:
     """Rows of a large table, a few at a time: what is made of them on the way need not be as large."""
-    return [slice(i, i + ABREAST) for i in range(0, count, ABREAST)]
+    return [slice(i, min(i + ABREAST, count)) for i in range(0, count, ABREAST)]
 
 
 def log_sum(values: Array, axis: int) -> Array:
