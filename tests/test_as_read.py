@@ -14,10 +14,12 @@ import thermofast as tf
 from tests.priors import SMALL_SLOW
 from thermofast.analysis.bench import Trial, _error, choose_among
 from thermofast.analysis.calibration import _limits, past_run
+from thermofast.estimation.closing import likelihood_estimates
 from thermofast.estimation.estimate import FilterError
 from thermofast.estimation.measured import counted_to, measured_equilibria
 from thermofast.estimation.rules import RULES
 from thermofast.estimation.sensor import Sensor, Sensors, _maybe_frozen, frozen, left_at_end, prepare_all, saturated
+from thermofast.estimation.verdicts import law_verdicts
 from thermofast.models.standards.settled import Passing, without_strays
 from thermofast.pipeline.methods import choose
 from thermofast.reading.follow import Follower
@@ -404,3 +406,25 @@ def test_last_readings_that_are_out_are_counted_where_a_machine_may_have_gone_th
         weights[row, out] = 0.0
     sensors = Sensors(np.arange(5), time, reading, np.zeros(5), ((),) * 5)
     assert left_at_end(weights, sensors).tolist() == [1, 3, 0, 0, 0]
+
+
+def test_readings_that_went_and_came_back_are_told_so_under_the_law_alone():
+    """Up by six kelvin and back: an interval many times the rise is told with how far they went; of a slow rise, with the rise."""
+    time = np.arange(0.0, 120.0)
+    there = 20.0 + 6.0 * np.sin(np.pi * time / 119.0)
+    reading = np.array([there, 20.0 + 0.5 * time / 119.0]) + 0.02 * np.random.default_rng(2).standard_normal((2, 120))
+    weights, none = np.ones((2, 120)), np.zeros(2)
+    found = likelihood_estimates(time, reading, weights, np.zeros(2, dtype=np.intp), none, math.inf)
+    known = {
+        "steady_low": np.zeros(2),
+        "steady_high": np.full(2, 100.0),
+        "t95_low": np.full(2, 10.0),
+        "t95_high": np.full(2, 900.0),
+    }
+    known |= {"state": np.tile([20.5, 0.0, 0.02], (2, 1)), "initial": np.full(2, 20.0), "noise": np.full(2, 0.02)}
+    found = replace(found, **known)
+    sensors = Sensors(np.arange(2), time, reading, none, ((),) * 2)
+    status, said = law_verdicts(found, SimpleNamespace(woke=np.full(2, -1)), sensors, {}, 119.0)
+    assert status == ["not_determined"] * 2
+    assert said[0][0].startswith("the steady state is known only to within 100 K: the readings went 6.0")
+    assert "many times the rise so far" in said[1][0]

@@ -11,8 +11,10 @@ from scipy.optimize import curve_fit, minimize
 from scipy.special import stdtrit
 from simulator import lump, spindle
 
+from thermofast.estimation.closing import _too_large
 from thermofast.models import (
     DecayFit,
+    difference_noise,
     fit_decay,
     interval,
     likelihood_sweeps,
@@ -195,3 +197,10 @@ def test_readings_of_no_weight_do_not_narrow_an_interval():
     for name in ("rate_low", "rate_high", "steady_low", "steady_high"):
         assert getattr(found, name) == pytest.approx(getattr(alone, name), rel=1e-9), name
     assert found.fit.dof == 3
+
+
+def test_residuals_are_too_large_at_three_times_what_neighbours_differ_by_and_a_step():
+    reading = np.tile(20.0 + 0.1 * np.random.default_rng(5).standard_normal(60), (4, 1))
+    noise, step = float(difference_noise(reading[0])), np.array([0.0, 0.0, 0.5, 0.5])
+    misfit = 3.0 * noise + step + np.array([-1e-6, 1e-6, -1e-6, 1e-6])
+    assert _too_large(misfit, reading, step).tolist() == [False, True, False, True]

@@ -17,7 +17,7 @@ from thermofast.models.noise.discrepancy import Columns, Flutter, Noise, RandomW
 from thermofast.models.noise.rounding import cell_residual, rounding_bias, without_rounding
 from thermofast.models.noise.spectral import block_means
 from thermofast.models.noise.spikes import bridged, difference_noise, exceeds_difference_noise, third_difference_noise
-from thermofast.models.noise.whiteness import _blocks, pattern_p_value
+from thermofast.models.noise.whiteness import _blocks, pattern_p_value, variance_inflations
 from thermofast.models.observations import held_out_blocks
 from thermofast.models.search.logged import follows_machine
 from thermofast.models.standards import temperature_at_switch_off
@@ -258,6 +258,13 @@ def test_dependence_of_many_records_is_that_of_each():
     together = variance_inflation(residual)
     np.testing.assert_allclose(together, [variance_inflation(line) for line in residual], rtol=1e-12)
     assert together[-1] == 1.0 < together[3] < together[7]
+    used = np.ones(residual.shape, dtype=bool)
+    used[2, ::7], used[4] = False, False  # of two records some readings count, or none
+    found = variance_inflations(residual, used)
+    assert found[2] == pytest.approx(variance_inflation(residual[2][used[2]])) != together[2]
+    assert np.isnan(found[4])
+    others = [0, 1, 3, 5, 6, 7, 8]
+    np.testing.assert_allclose(found[others], together[others], rtol=1e-12)
 
 
 def test_readings_that_are_out_lie_on_the_line_between_their_neighbours():

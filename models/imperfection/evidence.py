@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..decay import LOG_TWENTY
 from .blocks import Blocks, Part, block_means
 from .machine.known import NOTHING
-from .numerics import abreast, cells, core, law_slope, log_sum, student, within_depth
+from .numerics import batches, cells, core, law_slope, log_sum, student, within_depth
 from .prior import SLOW, Imperfection
 from .shapes import Asked, constant, covariances, kept_covariances, law, of_room, slow_rise
 
@@ -126,6 +126,10 @@ class Run:
         found: Array = -0.5 * (off / np.where(off > 0.0, fast, slow)) ** 2 - np.log(slow + fast)
         return found
 
+    def no_evidence(self, log_rate: Array) -> Array:
+        """A table (S, F, H) over log rates (S, F) and hypotheses, of which nothing is worked out yet: nan."""
+        return np.full((*log_rate.shape, len(self.kind)), np.nan)
+
     def evaluate(
         self,
         log_rate: Array,
@@ -133,13 +137,12 @@ class Run:
         asked: int,
         wrong: Sequence[tuple[Array, Array]] | None = None,
         into: Array | None = None,
-        kept: bool = True,
-    ) -> tuple[Array, Array, list[Foretold]]:
-        """Evidence (S, F, H), nan where not active, and signed rise (S, F) at log rates (S, F); where any temperature is asked for,
-        what is foretold of each sensor. wrong: in place of the parts'; into: evidence that stands where nothing is active;
-        without `kept` the evidence is an empty table.
+    ) -> tuple[Array, list[Foretold]]:
+        """Signed rise (S, F) at log rates (S, F) and, where any temperature is asked for, what is foretold of each sensor.
+
+        active (S, F, H): what is worked out. Its evidence goes into `into` (S, F, H), where that is given; what stands there of the
+        rest stays. wrong: in place of the parts'.
         """
-        evidence = np.full(active.shape if kept else (0, 0, 0), np.nan) if into is None else into
         rise = np.empty(log_rate.shape)
         foretold: list[Foretold] = []
         for i, blocks in enumerate(self.blocks):
@@ -152,7 +155,7 @@ class Run:
             known = np.broadcast_to(known, of_law.shape)
             doubts = (self.wrong if wrong is None else wrong)[i]
             # Of all hypotheses of all sensors at once what is foretold, and slow parts, would take many times what the readings do.
-            for own in abreast(len(some)):
+            for own in batches(len(some)):
                 rows = slice(first + own.start, first + own.stop)
                 of = active[rows].any(axis=(0, 1))
                 there = np.ascontiguousarray(active[rows][..., of])
@@ -181,13 +184,13 @@ class Run:
                     mean,
                     variance,
                 )
-                if kept:
-                    evidence[rows][..., of] = found[0] if into is None else np.where(there, found[0], evidence[rows][..., of])
+                if into is not None:
+                    into[rows][..., of] = np.where(there, found[0], into[rows][..., of])
                 if asked:
                     mean += known[own][:, :, None, m : m + asked]
                     each = zip(mean, variance, found[1], there, strict=True)
                     foretold += [Foretold(mu[a], v[a], left[a]) for mu, v, left, a in each]
-        return evidence, rise, foretold
+        return rise, foretold
 
     def rows_of(self, part: int, log_rate: Array) -> tuple[Array, NDArray[np.intp], Array, Array]:
         """Of a part's sensors at log rates (s, F): the law's rows (s, F, m + k), nodes and shares (s, F), what is known beside."""
@@ -313,7 +316,8 @@ class Run:
         coarse = self.spread(slowest, fastest, KNOWN_COARSE if known else len(self.nodes) // COARSE + 1)
         few = np.zeros(len(self.kind), dtype=bool)
         few[self.prior.few()] = True
-        evidence = self.evaluate(coarse, np.broadcast_to(few, (*coarse.shape, len(few))), 0)[0]
+        evidence = self.no_evidence(coarse)
+        self.evaluate(coarse, np.broadcast_to(few, evidence.shape), 0, into=evidence)
         marginal = log_sum(self.weighed(coarse, evidence), 2)
         del evidence  # of fifty sensors such tables are the largest of all that is held
         low, high = within_depth(coarse, marginal, 14.0, 1.0)
@@ -352,22 +356,20 @@ class Run:
         # Rates about the law's own that lie outside the grid stand at its ends, for nothing.
         stands = anew[:, None] & (cells(log_rate) > 0.0)
         active = np.broadcast_to(stands[..., None] & which, (*log_rate.shape, len(self.kind)))
-        known, self._known = self._known, np.zeros(0)
         if anew.all():
-            del known  # before another one is made
-            evidence = self.evaluate(log_rate, active, 0)[0]
+            self._known = np.zeros(0)  # before another one is made
+            self._known = self.no_evidence(log_rate)
         else:
-            known[anew] = np.nan
-            evidence = self.evaluate(log_rate, active, 0, into=known)[0]
-        self._known = evidence
-        posterior = self.weighed(log_rate, evidence)
+            self._known[anew] = np.nan
+        self.evaluate(log_rate, active, 0, into=self._known)
+        posterior = self.weighed(log_rate, self._known)
         classes = [self.base] if self.base.all() else [self.base, ~self.base]
-        few = [posterior[rows] for rows in abreast(len(posterior))]
-        of_classes = np.stack([np.concatenate([log_sum(some[..., own], 2) for some in few]) for own in classes])
+        batch = batches(len(posterior))
+        of_classes = np.stack([np.concatenate([log_sum(posterior[rows][..., own], 2) for rows in batch]) for own in classes])
         said, dense, agreeing = self.told(log_rate, of_classes)
         for own, of_class in zip(classes, said, strict=True):
-            for some, rows in zip(few, abreast(len(posterior)), strict=True):
-                some[..., own] += of_class[rows, :, None]
+            for rows in batch:
+                posterior[rows][..., own] += of_class[rows, :, None]
         return posterior, log_sum(posterior, 2), dense, agreeing
 
     def settles(self, sensor: int, log_rate: Array) -> tuple[Array | float, Array | float]:

@@ -24,7 +24,7 @@ LEAST_TOGETHER = 2e-3
 #: A normal in three parts: where they lie, how much of it each is, and the deviation of each, in its deviations.
 NODES, NODE_SHARES, WITHIN_NODE = np.array([-1.2, 0.0, 1.2]), np.array([0.3, 0.4, 0.3]), float(np.sqrt(1.0 - 0.6 * 1.2**2))
 #: Sensors of which tables of evidence are worked on at a time.
-ABREAST = 8
+BATCH = 8
 #: Newton's steps to where a slow part has settled.
 NEWTON = 6
 
@@ -110,15 +110,15 @@ def within_depth(log_rate: Array, marginal: Array, depth: float, margin: float) 
     return log_rate[rows, np.maximum(first - beyond, 0)], log_rate[rows, np.minimum(last + beyond, count - 1)]
 
 
-def abreast(count: int) -> list[slice]:
+def batches(count: int) -> list[slice]:
     """Rows of a large table, a few at a time: what is made of them on the way need not be as large."""
-    return [slice(i, min(i + ABREAST, count)) for i in range(0, count, ABREAST)]
+    return [slice(i, min(i + BATCH, count)) for i in range(0, count, BATCH)]
 
 
 def log_sum(values: Array, axis: int) -> Array:
     """Logarithm of the sum of the exponentials along an axis; of large tables over sensors (S, ...) a few sensors at a time."""
-    if values.ndim == 3 and axis > 0 and len(values) > ABREAST:
-        return np.concatenate([log_sum(values[some], axis) for some in abreast(len(values))])
+    if values.ndim == 3 and axis > 0 and len(values) > BATCH:
+        return np.concatenate([log_sum(values[some], axis) for some in batches(len(values))])
     top = values.max(axis=axis, keepdims=True)
     top = np.where(np.isfinite(top), top, 0.0)
     with np.errstate(all="ignore"):

@@ -91,7 +91,7 @@ def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool
     active = weight > LEAST_WEIGHT
     for mine, w in zip(active, weight, strict=True):
         mine &= w > negligible(w[mine])
-    rise, foretold = run.evaluate(log_rate, active, asked, kept=False)[1:]
+    rise, foretold = run.evaluate(log_rate, active, asked)
     count = run.count
     steady, t95, rate = (np.full((count, 3), np.nan) for _ in range(3))
     at = np.full((count, run.times, 3), np.nan)

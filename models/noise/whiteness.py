@@ -1,6 +1,7 @@
 """Are residuals noise, or does a pattern remain? And how much does it cost where neighbours are alike."""
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -81,22 +82,25 @@ def pattern_p_value(residual: Array, tangent: Array, slack: float = 0.0) -> Any:
 
 def pattern_p_values(residual: Array, tangent: Array, used: NDArray[np.bool_]) -> Array:
     """:func:`pattern_p_value` of each row (S, n), tangent (S, n, m), over the readings that are used; nan where none is."""
-    p = np.full(len(residual), np.nan)
-    whole = used.all(axis=1)
-    if whole.all():
-        return np.asarray(pattern_p_value(residual, tangent))
-    if whole.any():
-        p[whole] = pattern_p_value(residual[whole], tangent.swapaxes(-1, -2)[whole].swapaxes(-1, -2))
-    for i in np.flatnonzero(~whole & used.any(axis=1)):
-        p[i] = pattern_p_value(residual[i][used[i]], tangent[i][used[i]])
-    return p
+    return _over_used(pattern_p_value, used, residual, tangent)
 
 
 def variance_inflations(residual: Array, used: NDArray[np.bool_]) -> Array:
-    """:func:`variance_inflation` of each row (S, n), over the readings that are used."""
-    if used.all():
-        return np.asarray(variance_inflation(residual))
-    return np.array([variance_inflation(line[kept]) for line, kept in zip(residual, used, strict=True)])
+    """:func:`variance_inflation` of each row (S, n), over the readings that are used; nan where none is."""
+    return _over_used(variance_inflation, used, residual)
+
+
+def _over_used(told: Callable[..., Any], used: NDArray[np.bool_], *given: Array) -> Array:
+    """What is told of each row of arrays (S, n, ...) over the readings used (S, n): of rows that are used whole in one call."""
+    whole = used.all(axis=1)
+    if whole.all():
+        return np.asarray(told(*given))
+    found = np.full(len(used), np.nan)
+    if whole.any():
+        found[whole] = told(*(a[whole] for a in given))
+    for i in np.flatnonzero(~whole & used.any(axis=1)):
+        found[i] = told(*(a[i][used[i]] for a in given))
+    return found
 
 
 def variance_inflation(residual: Array) -> Any:

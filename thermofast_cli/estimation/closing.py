@@ -18,7 +18,6 @@ from thermofast.models import (
     Lump,
     PrintedLump,
     Stretches,
-    difference_noise,
     exceeds_difference_noise,
     likelihood_sweep,
     likelihood_sweeps,
@@ -116,8 +115,7 @@ def likelihood_estimates(
         for side, bound in zip(sides, wider, strict=True):
             side[rows] = bound
     rate_low, rate_high, steady_low, steady_high = sides
-    # Neighbours differ by noise alone: residuals several times larger are something else, even where they show no pattern.
-    too_large = exceeds_difference_noise(reading, (misfit - resolution) / 3.0) & (len(time) >= 12)
+    too_large = _too_large(misfit, reading, resolution) & (len(time) >= 12)
     state, covariance = fit.state(float(time[-1]))
     curved = fit.rate > 1.001 * fit.least
     with np.errstate(all="ignore"):
@@ -160,6 +158,14 @@ def likelihood_estimate(time: Array, reading: Array, weights: Array, first: int,
     if not math.isfinite(found.state[0, 2]):
         raise ValueError("a likelihood needs three usable readings")
     return found.one(0)
+
+
+def _too_large(misfit: Array, reading: Array, resolution: Array) -> NDArray[np.bool_]:
+    """Whether residuals (S,) [K], beyond the logger's step, are several times what neighbouring readings (S, n) differ by.
+
+    These differ by noise alone: such residuals are something else, even where they show no pattern.
+    """
+    return exceeds_difference_noise(reading, (misfit - resolution) / 3.0)
 
 
 def _rounding(fit: DecayFit, resolution: Array) -> Array:
@@ -240,7 +246,7 @@ def filter_estimate(model: Model, track: Track, time: Array, reading: Array, k: 
         covariance=spread,
         misfit=misfit,
         faded=faded,
-        too_large=len(reading) >= 12 and misfit > 3.0 * difference_noise(reading[: k + 1]) + resolution,
+        too_large=len(reading) >= 12 and bool(_too_large(np.array([misfit]), reading[None, : k + 1], np.array([resolution]))[0]),
     )
 
 
@@ -354,7 +360,7 @@ def _look_white(fits: DecayFit, time: Array, reading: Array, weights: Array, res
         residual, tangent = fits.residual_and_tangent(time, reading)
         p = pattern_p_values(residual * root, tangent * root[..., None], used & whole[:, None])
         misfit = np.sqrt((np.where(used, residual, 0.0) ** 2).sum(axis=1) / used.sum(axis=1))
-        white: NDArray[np.bool_] = whole & (p >= RULES.doubt) & ~exceeds_difference_noise(reading, (misfit - resolution) / 3.0)
+        white: NDArray[np.bool_] = whole & (p >= RULES.doubt) & ~_too_large(misfit, reading, resolution)
     return white
 
 
