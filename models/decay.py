@@ -97,23 +97,6 @@ class DecayFit(FitMoments):
         result: Array = level + slope * (kernel.growth(rate, time - self.t0) - mean)
         return result
 
-    def residual_and_tangent(self, time: Array, reading: Array) -> tuple[Array, Array]:
-        """Reading (..., n) minus model, and a basis (..., n, 3) of the directions in which the fit can move."""
-        dt = time - self.t0
-        level, slope, rate, mean = (np.asarray(v)[..., None] for v in (self.level, self.slope, self.rate, self.phi_mean))
-        # One direction after another in memory, as their sums run.
-        across = np.empty((*np.broadcast_shapes(rate.shape, dt.shape)[:-1], 3, len(dt)))
-        decay = across[..., 1, :]
-        across[..., 0, :] = 1.0
-        np.exp(np.multiply(-rate, dt, out=decay), out=decay)
-        np.multiply(dt, decay, out=across[..., 2, :])
-        model = 1.0 - decay
-        model /= rate
-        model -= mean
-        model *= slope
-        model += level
-        return np.subtract(reading, model, out=model), across.swapaxes(-1, -2)
-
     @property
     def steady_state_limit(self) -> Any:
         """Cramer-Rao bound of the steady state's standard deviation, per unit of the noise's, at the estimate."""

@@ -277,3 +277,57 @@ def test_tails_agree_with_scipy():
 def test_the_quick_median_is_the_median(n, seed):
     values = np.random.default_rng(seed).integers(-5, 6, (3, n)).astype(float)
     assert spikes._median(values) == pytest.approx(np.median(values, axis=-1), abs=0.0)
+
+
+@settings(max_examples=40, deadline=None)
+@example(3, 2500, 3)  # means over stretches
+@example(4, 11, 2)  # too short
+@given(st.integers(0, 10**6), st.integers(12, 300), st.integers(1, 6))
+def test_patterns_agree(seed, n, own):
+    """Of residuals and columns of any size, one of which moves nothing."""
+    rng = np.random.default_rng(seed)
+    residual, columns = rng.standard_normal((3, n)), rng.standard_normal((3, own, n)) + np.arange(n) / n
+    columns[0, -1] = 0.0
+    out = [np.empty((3, 3)) for _ in range(2)]
+    for module, sums in zip((_lump, _lump_numpy), out, strict=True):
+        module.pattern_sums(residual, columns, sums)
+    np.testing.assert_allclose(*out, rtol=1e-6, atol=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6), st.integers(8, 200), st.booleans())
+def test_patterns_of_the_law_agree(seed, n, even):
+    """Readings of no weight anywhere, and a rate that could not be fitted."""
+    records = [record(seed + i, n, even) for i in range(3)]
+    t = records[0][0]
+    y, w = (np.stack([r[k] for r in records]) for k in (1, 2))
+    rate = np.array([0.5 / n, 4.0 / n, np.nan])
+    out = [(np.empty((3, n)), np.empty((3, 5))) for _ in range(2)]
+    for module, into in zip((_lump, _lump_numpy), out, strict=True):
+        module.law_patterns(t, y, w, rate, *into)
+    np.testing.assert_allclose(out[0][0], out[1][0], atol=1e-10)
+    np.testing.assert_allclose(out[0][1], out[1][1], rtol=1e-6, atol=1e-8)
+    assert np.isnan(out[0][1][2]).all()
+    assert (out[0][0][w == 0.0] == 0.0).all()
+
+
+@settings(max_examples=60, deadline=None)
+@example(1, 4, 1.0, 0.0)
+@given(
+    st.integers(0, 10**6), st.integers(2, 200), st.sampled_from([10.0, 1.0, 0.5, 0.25, 0.1, 0.02, 0.0625, 1e-5]), st.floats(0, 0.5)
+)
+def test_steps_of_decimals_are_those_that_sorting_finds(seed, n, step, noise):
+    rng = np.random.default_rng(seed)
+    readings = 20.0 + 8.0 * -np.expm1(-np.arange(n) / 40.0) + noise * rng.standard_normal((2, n))
+    y = np.stack([np.round(np.round(readings[0] / step) * step, 6), readings[1]])
+    found = spikes.logger_steps(y)
+    np.testing.assert_allclose(found, spikes._steps_of_any(y), atol=1e-12)
+
+
+def test_a_step_of_decimals_is_found_without_sorting():
+    out = np.empty(4)
+    _lump.decimal_steps(
+        np.array([[20.1, 20.4, 20.2, 20.3], [20.0, 20.5, 22.0, 20.5], [0.0, 100.0, 0.01, 200.0], [20.0, 20.2, 20.7, 20.9]]), out
+    )
+    np.testing.assert_allclose(out[[0, 1, 3]], [0.1, 0.5, 0.0])
+    assert math.isnan(out[2])  # reaches too far

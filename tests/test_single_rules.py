@@ -11,7 +11,6 @@ import pytest
 import thermofast as tf
 from thermofast.estimation import closing, measured
 from thermofast.estimation.sweep import sweep_records, with_trips
-from thermofast.models.noise.whiteness import pattern_p_value
 from thermofast.models.standards import criterion_from
 from thermofast.reading.moments.order import spread_evenly
 from thermofast.reading.moments.stamps import parse_stamps
@@ -172,19 +171,6 @@ def test_rounding_alone_is_taken_off_the_noise_that_averages_it_out():
     spread = 0.2 * np.sqrt(fit.noise_variance[0])
     expected = (1.0 + 0.03 / (2.0210754 * spread)) ** 2
     assert closing._rounding(fit, np.array([step]))[0] == pytest.approx(expected, rel=1e-6)
-
-
-def test_a_pattern_is_asked_for_with_the_tangent_in_a_block_with_gaps_too():
-    """Rows that are used as a whole beside one that is not."""
-    rng = np.random.default_rng(3)
-    time = np.linspace(0.0, 1.0, 60)
-    tangent = np.stack([np.stack([np.ones(60), time, np.exp(-3.0 * time)], axis=1)] * 3)
-    residual = rng.standard_normal((3, 60))
-    residual -= np.stack([t @ np.linalg.lstsq(t, r, rcond=None)[0] for t, r in zip(tangent, residual, strict=True)])
-    used = np.ones((3, 60), dtype=bool)
-    used[1, 50:] = False
-    found = closing.pattern_p_values(residual, tangent, used)
-    assert found[[0, 2]].tolist() == pytest.approx([float(pattern_p_value(residual[i], tangent[i])) for i in (0, 2)], rel=1e-9)
 
 
 def test_a_cooling_of_which_little_was_read_is_open_downwards():

@@ -1,5 +1,6 @@
 """Small numbers that intervals are made of, by scipy, numpy or a formula: mixtures, rounding, disturbances, runs of a machine."""
 
+import itertools
 import math
 from types import SimpleNamespace
 
@@ -17,7 +18,7 @@ from thermofast.models.noise.discrepancy import Columns, Flutter, Noise, RandomW
 from thermofast.models.noise.rounding import cell_residual, rounding_bias, without_rounding
 from thermofast.models.noise.spectral import block_means
 from thermofast.models.noise.spikes import bridged, difference_noise, exceeds_difference_noise, third_difference_noise
-from thermofast.models.noise.whiteness import _blocks, pattern_p_value, variance_inflations
+from thermofast.models.noise.whiteness import pattern_p_value, variance_inflations
 from thermofast.models.observations import held_out_blocks
 from thermofast.models.search.logged import follows_machine
 from thermofast.models.standards import temperature_at_switch_off
@@ -290,8 +291,9 @@ def test_patterns_need_twelve_readings_and_long_records_are_averaged():
     assert np.isnan(pattern_p_value(np.ones(11), np.ones((11, 1))))
     assert np.isfinite(pattern_p_value(np.ones(12), np.ones((12, 1))))
     assert pattern_p_value(np.zeros(20), np.ones((20, 1))) == 1.0
-    np.testing.assert_allclose(_blocks(np.arange(10.0), -1, 4), [0.5, 3.0, 5.5, 8.0])
-    np.testing.assert_allclose(_blocks(np.arange(12.0).reshape(6, 2), -2, 3), [[1.0, 2.0], [5.0, 6.0], [9.0, 10.0]])
+    residual, edges = np.random.default_rng(7).standard_normal(1501), (np.arange(1001) * 1.501).astype(int)
+    means = np.array([residual[a:b].mean() for a, b in itertools.pairwise(edges)])
+    assert pattern_p_value(residual, np.ones((1501, 1))) == pytest.approx(pattern_p_value(means, np.ones((1000, 1))))
 
 
 def test_a_switch_off_needs_eight_readings():

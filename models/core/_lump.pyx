@@ -5,8 +5,9 @@ Time and rate may be in any pair of reciprocal units; thermofast uses minutes.
 """
 from cpython.pycapsule cimport PyCapsule_New
 from libc.stdint cimport uint8_t
-from libc.math cimport INFINITY, M_PI, NAN, asin, exp, expm1, fabs, isnan, pow, sin, sqrt
+from libc.math cimport INFINITY, M_PI, NAN, asin, cos, exp, expm1, fabs, isnan, pow, sin, sqrt
 from libc.stdlib cimport free, malloc
+from libc.string cimport memset
 
 
 cdef inline double growth(double rate, double dt) noexcept nogil:
@@ -136,6 +137,10 @@ cdef enum:
     BLOCK = 16          # readings to one exponential on an even grid
     LANES = 4           # partial sums side by side
     ANCHOR = 32         # blocks after which their exponential is taken anew, so that rounding does not add up
+    COSINES = 8         # see the numpy twin
+    MOST_POINTS = 1000
+    FEWEST_POINTS = 12
+    CELLS = 8192        # steps between the least and the greatest reading in which a logger's step is looked for
 
 
 cdef double KNOWN = 0.08    # standard deviation of a rate over the rate
@@ -557,7 +562,7 @@ cdef void refine(Problem* p, Sums* best) noexcept nogil:
             evaluate(p, rate, True, &trial)
             if trial.rss < best.rss:
                 break
-            if fabs(step) <= 1e-9 * scale:
+            if fabs(step) <= 5e-10 * scale:
                 return
             step *= 0.5
         else:
@@ -1148,3 +1153,281 @@ def curve_squares(const double[::1] t, const double[:, ::1] y, const double[:, :
                     value = (1.0 - p.phi[j]) * inverse if fabs(f.rate * p.t[j]) >= 1e-3 else growth(f.rate, p.t[j])
                     error = f.level + f.slope * (value - f.phi_mean) - y[k, j]
                     squares += kept[k, j] * error * error
+
+
+cdef class _Columns:
+    """Scratch of :func:`pattern_of`: a residual and its columns, one after another, the cosines over the record last."""
+    cdef Py_ssize_t size, columns, cosines_of
+    cdef double* at
+    cdef double* gram
+
+    def __cinit__(self, Py_ssize_t readings, Py_ssize_t own):
+        self.size, self.columns, self.cosines_of = readings + 1, own, 0
+        self.at = <double*> malloc((1 + own + COSINES) * self.size * sizeof(double))
+        self.gram = <double*> malloc((own + COSINES + 1) * (own + COSINES + 2) * sizeof(double))
+        if self.at == NULL or self.gram == NULL:
+            raise MemoryError()
+
+    def __dealloc__(self):
+        free(self.at)
+        free(self.gram)
+
+
+cdef inline double product(const double* a, const double* b, Py_ssize_t n) noexcept nogil:
+    """Sum of products, in LANES parts side by side."""
+    cdef double part[LANES]
+    cdef Py_ssize_t i, j, even = n - n % LANES
+    clear(part)
+    for i in range(0, even, 4):
+        for j in range(LANES):
+            part[j] += a[i + j] * b[i + j]
+    for i in range(even, n):
+        part[0] += a[i] * b[i]
+    return total(part)
+
+
+cdef inline void four_products(const double* a, const double* b, Py_ssize_t size, Py_ssize_t n, double* out) noexcept nogil:
+    """:func:`product` of a with four columns, `size` apart from each other: a is read once."""
+    cdef double p[LANES]
+    cdef double q[LANES]
+    cdef double r[LANES]
+    cdef double s[LANES]
+    cdef const double* c = b + size
+    cdef const double* d = c + size
+    cdef const double* e = d + size
+    cdef Py_ssize_t i, j, even = n - n % LANES
+    clear(p)
+    clear(q)
+    clear(r)
+    clear(s)
+    for i in range(0, even, 4):
+        for j in range(LANES):
+            p[j] += a[i + j] * b[i + j]
+            q[j] += a[i + j] * c[i + j]
+            r[j] += a[i + j] * d[i + j]
+            s[j] += a[i + j] * e[i + j]
+    for i in range(even, n):
+        p[0] += a[i] * b[i]
+        q[0] += a[i] * c[i]
+        r[0] += a[i] * d[i]
+        s[0] += a[i] * e[i]
+    out[0], out[1], out[2], out[3] = total(p), total(q), total(r), total(s)
+
+
+cdef inline void products(const double* a, const double* b, Py_ssize_t size, Py_ssize_t columns, Py_ssize_t n, double* out) noexcept nogil:
+    """:func:`product` of a with each of so many columns."""
+    cdef Py_ssize_t i, fours = columns - columns % 4
+    for i in range(0, fours, 4):
+        four_products(a, b + i * size, size, n, out + i)
+    for i in range(fours, columns):
+        out[i] = product(a, b + i * size, n)
+
+
+cdef void block_means(double* values, Py_ssize_t n, Py_ssize_t blocks) noexcept nogil:
+    """Means of stretches of values (n,), in place."""
+    cdef Py_ssize_t i, j, first = 0, last
+    cdef double mean
+    for i in range(blocks):
+        last = <Py_ssize_t> ((i + 1) * (<double> n / blocks)) if i + 1 < blocks else n
+        mean = 0.0
+        for j in range(first, last):
+            mean += values[j]
+        values[i] = mean / (last - first)
+        first = last
+
+
+cdef Py_ssize_t pattern_of(_Columns space, Py_ssize_t n, double* out) noexcept nogil:
+    """What cosines explain of a residual (n,) beyond its own columns, its sum of squares, and that of products of neighbours."""
+    cdef Py_ssize_t own = space.columns, size = space.size, count, whole, i, j, k
+    cdef double* r = space.at
+    cdef double* columns = space.at + size
+    cdef double* g = space.gram
+    cdef double* along
+    cdef double* row
+    cdef double* a
+    cdef double value, length
+    for i in range(3):
+        out[i] = NAN
+    if n < FEWEST_POINTS:
+        return n
+    if n > MOST_POINTS:
+        for i in range(1 + own):
+            block_means(space.at + i * size, n, MOST_POINTS)
+        n = MOST_POINTS
+    count = COSINES if COSINES < n // 6 else n // 6
+    if space.cosines_of != n:
+        a = columns + own * size
+        for k in range(n):
+            a[k] = cos(M_PI * (k + 0.5) / n)
+        # cos(j x) by the two before it.
+        for j in range(1, count):
+            for k in range(n):
+                a[j * size + k] = 2.0 * a[k] * a[(j - 1) * size + k] - (a[(j - 2) * size + k] if j > 1 else 1.0)
+        length = sqrt(2.0 / n)
+        for j in range(count):
+            for k in range(n):
+                a[j * size + k] *= length
+        space.cosines_of = n
+    for i in range(own):
+        a = columns + i * size
+        length = sqrt(product(a, a, n))
+        length = 1.0 / length if length > 1e-300 else 0.0
+        for k in range(n):
+            a[k] *= length
+    whole = own + count
+    along = g + whole * whole
+    row = along + whole
+    for i in range(whole):
+        # The residual comes first, then its columns. Cosines are of length 1 and at right angles to each other.
+        products(columns + i * size, r, size, 1 + (i + 1 if i < own else own), n, row)
+        along[i] = row[0]
+        for j in range(i + 1):
+            g[i * whole + j] = row[1 + j] if j < own else (1.0 if i == j else 0.0)
+        g[i * whole + i] += 1e-11
+    # Cholesky's root and the residual's shares along it: what comes after the own columns is what the cosines add.
+    out[0] = 0.0
+    for i in range(whole):
+        for j in range(i + 1):
+            value = g[i * whole + j] - product(g + i * whole, g + j * whole, j)
+            g[i * whole + j] = value / g[j * whole + j] if j < i else sqrt(value)
+        along[i] = (along[i] - product(g + i * whole, along, i)) / g[i * whole + i]
+        if i >= own:
+            out[0] += along[i] * along[i]
+    out[1] = product(r, r, n)
+    out[2] = product(r + 1, r, n - 1)
+    return n
+
+
+def pattern_sums(const double[:, ::1] residual, const double[:, :, ::1] columns, double[:, ::1] out):
+    """See :func:`thermofast.models.core._lump_numpy.pattern_sums`."""
+    cdef Py_ssize_t rows = residual.shape[0], n = residual.shape[1], own = columns.shape[1], i, j, k
+    cdef _Columns space
+    agree(rows, columns.shape[0], "rows of columns")
+    agree(n, columns.shape[2], "readings of a column")
+    agree(rows, out.shape[0], "rows of sums")
+    agree(3, out.shape[1], "sums")
+    space = _Columns(n, own)
+    with nogil:
+        for i in range(rows):
+            for k in range(n):
+                space.at[k] = residual[i, k]
+            for j in range(own):
+                for k in range(n):
+                    space.at[(1 + j) * space.size + k] = columns[i, j, k]
+            pattern_of(space, n, &out[i, 0])
+
+
+def law_patterns(const double[::1] t, const double[:, ::1] y, const double[:, ::1] w, const double[::1] rate,
+                 double[:, ::1] residual, double[:, ::1] out):
+    """See :func:`thermofast.models.core._lump_numpy.law_patterns`."""
+    cdef Py_ssize_t rows = y.shape[0], n = t.shape[0], i, j, k
+    cdef _Columns space
+    cdef _Scratch scratch
+    cdef Problem* p
+    cdef Sums s
+    cdef double root, value, squares
+    cdef double* left
+    cdef double* ones
+    cdef double* phi
+    cdef double* psi
+    agree(n, y.shape[1], "readings")
+    agree(n, w.shape[1], "weights")
+    agree(n, residual.shape[1], "residuals")
+    for count in (w.shape[0], rate.shape[0], residual.shape[0], out.shape[0]):
+        agree(rows, count, "rows")
+    agree(5, out.shape[1], "sums")
+    scratch = _Scratch(n)
+    p = &scratch.p
+    space = _Columns(n, 3)
+    left, ones, phi, psi = space.at, space.at + space.size, space.at + 2 * space.size, space.at + 3 * space.size
+    with nogil:
+        for i in range(rows):
+            for j in range(5):
+                out[i, j] = NAN
+            for j in range(n):
+                residual[i, j] = 0.0
+            if not n or isnan(rate[i]) or fill(p, &t[0], &y[i, 0], &w[i, 0], n, True):    # nothing was fitted
+                continue
+            evaluate(p, rate[i], True, &s)
+            squares = 0.0
+            root = sqrt(p.w[0])
+            for j in range(p.n):
+                if j and p.w[j] != p.w[j - 1]:
+                    root = sqrt(p.w[j])
+                value = p.y[j] - s.slope * (p.phi[j] - s.phi_mean)
+                squares += value * value
+                left[j] = root * value
+                ones[j] = root
+                phi[j] = root * (p.phi[j] - s.phi_mean)
+                psi[j] = root * (p.psi[j] - s.psi_mean)
+            k = 0
+            for j in range(n):
+                if w[i, j] > 0.0:
+                    residual[i, j] = left[k]
+                    k += 1
+            out[i, 3] = squares
+            out[i, 4] = p.n
+            pattern_of(space, p.n, &out[i, 0])
+
+
+cdef inline double nearest(double value) noexcept nogil:
+    """The whole number next to a value below 2 ** 51: beyond 2 ** 52 no double has a fraction. rint is a call on older processors."""
+    return (value + 6755399441055744.0) - 6755399441055744.0
+
+
+def decimal_steps(const double[:, ::1] y, double[::1] out):
+    """The logger's step of readings (S, n) that are decimals of few digits, found without sorting them, into out (S,).
+
+    nan: the readings are no such decimals, or reach too far. See :func:`thermofast.models.noise.spikes.logger_steps`.
+    """
+    cdef Py_ssize_t rows = y.shape[0], n = y.shape[1], i, j, decimals, cells, last, least
+    cdef double scale, lowest, highest, value, part
+    cdef uint8_t* seen
+    cdef bint found
+    agree(rows, out.shape[0], "steps")
+    seen = <uint8_t*> malloc(CELLS * sizeof(uint8_t))
+    if seen == NULL:
+        raise MemoryError()
+    with nogil:
+        for i in range(rows):
+            out[i] = NAN
+            scale = 1.0
+            found = False
+            for decimals in range(6):
+                lowest = INFINITY
+                highest = -INFINITY
+                found = n > 0
+                for j in range(n):
+                    value = y[i, j] * scale
+                    if not (fabs(value) < 1e15 and fabs(value - nearest(value)) <= 5e-10 * scale):
+                        found = False
+                        break
+                    lowest = min2(lowest, value)
+                    highest = max2(highest, value)
+                if found:
+                    break
+                scale *= 10.0
+            if not found or not highest - lowest < CELLS - 1:
+                continue
+            lowest = nearest(lowest)
+            cells = <Py_ssize_t> (nearest(highest) - lowest) + 1
+            memset(seen, 0, cells)
+            for j in range(n):
+                seen[<Py_ssize_t> (nearest(y[i, j] * scale) - lowest)] = 1
+            least = 0
+            last = 0
+            for j in range(1, cells):
+                if seen[j]:
+                    if least == 0 or j - last < least:
+                        least = j - last
+                    last = j
+            out[i] = least / scale
+            last = 0
+            for j in range(1, cells if least > 1 else 0):
+                if seen[j]:
+                    part = <double> (j - last) / least
+                    if fabs(part - nearest(part)) > 0.02:
+                        out[i] = 0.0
+                        break
+                    last = j
+    free(seen)

@@ -17,9 +17,9 @@ from .fit import Array, FitMoments, Fits, growth, growth_slope
 # What a compiled filter loop would call; there is none in numpy.
 SLOPE_STEP = SLOPE_STEPS = SLOPE_JACOBIAN = PRINTED_STEP = PRINTED_JACOBIAN = None
 
-
-GRID = 12
-GRID_READINGS = 64
+GRID, GRID_READINGS = 12, 64
+#: Cosines that residuals are looked at with, at most so many readings or their means, and at least.
+COSINES, MOST_POINTS, FEWEST_POINTS = 8, 1000, 12
 
 
 @dataclass(frozen=True)
@@ -287,7 +287,7 @@ def curve_squares(t: Array, y: Array, kept: Array, fits: Fits, ends: NDArray[np.
 
 
 def spike_weights(y: Array, resolution: Array, out: Array) -> None:
-    """1 for a reading, 0 for an isolated spike, into out (S, n); see :func:`models.noise.spikes.spike_weights`."""
+    """Into out (S, n); see :func:`models.noise.spikes.spike_weights`."""
     for row, step, weights in zip(y, resolution, out, strict=True):
         _mark_spikes(row, float(step), weights)
 
@@ -435,3 +435,45 @@ def _likely(
         bounds = _profile(p, s, limit)
     if bounds is not None:
         out["rate_low"], out["rate_high"], out["steady_low"], out["steady_high"] = bounds
+
+
+def pattern_sums(residual: Array, columns: Array, out: Array) -> None:
+    """What slow cosines explain of residuals (S, n) beyond their own columns (S, m, n), the directions that fits have used up.
+
+    Into out (S, 3): the explained sum of squares, the whole one, the sum of products of neighbours; of means over MOST_POINTS
+    stretches where a record is longer, nan where it is shorter than FEWEST_POINTS.
+    """
+    out.fill(np.nan)
+    n, own = residual.shape[1], columns.shape[1]
+    if n < FEWEST_POINTS:
+        return
+    if n > MOST_POINTS:
+        edges = np.linspace(0, n, MOST_POINTS + 1).astype(int)
+        residual, columns = (np.add.reduceat(v, edges[:-1], axis=-1) / np.diff(edges) for v in (residual, columns))
+        n = MOST_POINTS
+    count = min(COSINES, n // 6)
+    cosines = math.sqrt(2.0 / n) * np.cos(np.outer(np.arange(1, count + 1), math.pi * (np.arange(n) + 0.5) / n))
+    length = np.sqrt((columns**2).sum(axis=-1, keepdims=True))
+    scaled = np.divide(columns, length, out=np.zeros_like(columns), where=length > 1e-300)  # what moves nothing explains nothing
+    whole = np.concatenate([scaled, np.broadcast_to(cosines, (len(columns), count, n))], axis=1)
+    # A cosine that the fit can imitate is left with nothing but rounding.
+    root = np.linalg.cholesky(whole @ whole.swapaxes(1, 2) + 1e-11 * np.eye(own + count))
+    along = np.linalg.solve(root, whole @ residual[..., None])[..., 0]
+    squares, neighbours = residual**2, residual[:, 1:] * residual[:, :-1]
+    out[:, 0], out[:, 1], out[:, 2] = (along[:, own:] ** 2).sum(axis=1), squares.sum(axis=1), neighbours.sum(axis=1)
+
+
+def law_patterns(t: Array, y: Array, w: Array, rate: Array, residual: Array, out: Array) -> None:
+    """:func:`pattern_sums` of the law at `rate` (S,), the best amplitudes with it, over the readings of positive weight.
+
+    t (n,), y and w (S, n). Into residual (S, n) what it leaves times the root of the weight, 0 where there is none; into out (S, 5)
+    the sums, the sum of squares without weights [K^2] and the count of readings; nan where the rate is.
+    """
+    residual[:], out[:] = 0.0, np.nan
+    for k in np.flatnonzero(~np.isnan(rate)):  # those that could be fitted
+        p = _Problem(t, y[k], w[k], True)
+        s, root = p.evaluate(float(rate[k])), np.sqrt(p.w)
+        phi, psi = growth(s.rate, p.t) - s.phi_mean, growth_slope(s.rate, p.t) - s.psi_mean
+        left = p.y - s.slope * phi
+        out[k, 3:], residual[k, w[k] > 0.0] = (left @ left, p.n), root * left
+        pattern_sums((root * left)[None], (root * [np.ones_like(phi), phi, psi])[None], out[k : k + 1, :3])

@@ -1,5 +1,7 @@
 """The compiled core where it was built, its numpy twin otherwise. ``COMPILED`` tells which."""
 
+import numpy as np
+
 from ._lump_numpy import StartRule
 from .fit import FIT, Array, FitMoments, Fits, growth, growth_slope
 
@@ -12,8 +14,11 @@ try:
         SLOPE_STEP,
         SLOPE_STEPS,
         curve_squares,
+        decimal_steps,
         fit_decay,
+        law_patterns,
         likelihoods,
+        pattern_sums,
         profile_decay,
         spike_weights,
         start_decay,
@@ -30,13 +35,20 @@ except ImportError:
         SLOPE_STEPS,
         curve_squares,
         fit_decay,
+        law_patterns,
         likelihoods,
+        pattern_sums,
         profile_decay,
         spike_weights,
         start_decay,
     )
 
     COMPILED = False
+
+    def decimal_steps(y: Array, out: Array) -> None:
+        """None is looked at: :func:`thermofast.models.noise.spikes.logger_steps` finds the same by sorting."""
+        out.fill(np.nan)
+
 
 __all__ = [
     "COMPILED",
@@ -51,12 +63,15 @@ __all__ = [
     "Fits",
     "StartRule",
     "curve_squares",
+    "decimal_steps",
     "fit_decay",
     "followed",
     "forward",
     "growth",
     "growth_slope",
+    "law_patterns",
     "likelihoods",
+    "pattern_sums",
     "profile_decay",
     "spike_weights",
     "start_decay",

@@ -101,6 +101,16 @@ def logger_steps(reading: Array) -> Array:
     """The step [K] that all readings of a row (S, n) are multiples of, or 0 where none shows; (S,)."""
     if reading.shape[1] < 2:
         return np.zeros(len(reading))
+    found = np.empty(len(reading))
+    kernel.decimal_steps(np.ascontiguousarray(reading, dtype=float), found)
+    others = np.flatnonzero(np.isnan(found))
+    if len(others):
+        found[others] = _steps_of_any(reading[others])
+    return found
+
+
+def _steps_of_any(reading: Array) -> Array:
+    """As :func:`logger_steps`, of readings that need not be decimals."""
     ordered = np.round(reading, 9)
     ordered.sort(axis=1)
     gaps = ordered[:, 1:] - ordered[:, :-1]

@@ -25,7 +25,7 @@ from thermofast.models import (
     t_quantile,
     widened_intervals,
 )
-from thermofast.models.noise.whiteness import pattern_p_values, variance_inflations
+from thermofast.models.noise.whiteness import law_patterns, variance_inflations
 from thermofast.models.observations import read_only
 
 from ..errors import in_one_line
@@ -97,17 +97,11 @@ def likelihood_estimates(
     """
     found = likelihoods(time, reading, weights, resolution, first, outlier)
     fit, weights = found.fit, found.weights
-    used, root = weights > 0.0, np.sqrt(weights)
-    with np.errstate(all="ignore"):
-        residual, tangent = fit.residual_and_tangent(time, reading)
-        scaled, tangent = residual * root, np.multiply(tangent, root[..., None], out=tangent)
-        squares = (np.where(used, residual, 0.0) ** 2).sum(axis=1)
-        misfit = np.sqrt(squares / used.sum(axis=1))
-    p = pattern_p_values(scaled, tangent, used & (fit.dof >= 9)[:, None])
+    p, residual, misfit = law_patterns(time, reading, weights, fit.rate)
     widening = np.maximum(_rounding(fit, resolution), 1.0)
     rows = np.flatnonzero(p < RULES.widen)
     if len(rows):
-        widening[rows] = np.maximum(widening[rows], variance_inflations(scaled[rows], used[rows]))
+        widening[rows] = np.maximum(widening[rows], variance_inflations(residual[rows], weights[rows] > 0.0))
     sides = [found.rate_low.copy(), found.rate_high.copy(), found.steady_low.copy(), found.steady_high.copy()]
     rows = np.flatnonzero((widening > 1.0) & (fit.dof > 0) & (fit.rss > 0.0))
     if len(rows):
@@ -354,12 +348,9 @@ def _some(estimates: Estimates, rows: NDArray[np.bool_]) -> Estimates:
 
 def _look_white(fits: DecayFit, time: Array, reading: Array, weights: Array, resolution: Array) -> NDArray[np.bool_]:
     """Whether the residuals of fits of readings (S, n) plainly are noise: no pattern, no larger than neighbours differ."""
-    used, root = weights > 0.0, np.sqrt(weights)
-    whole = (fits.dof >= 9) & (used.sum(axis=1) == fits.n)  # else some reading was left out on the way: look closely
-    with np.errstate(all="ignore"):
-        residual, tangent = fits.residual_and_tangent(time, reading)
-        p = pattern_p_values(residual * root, tangent * root[..., None], used & whole[:, None])
-        misfit = np.sqrt((np.where(used, residual, 0.0) ** 2).sum(axis=1) / used.sum(axis=1))
+    whole = (weights > 0.0).sum(axis=1) == fits.n  # else some reading was left out on the way: look closely
+    p, _, misfit = law_patterns(time, reading, weights, fits.rate)
+    with np.errstate(invalid="ignore"):  # nan of too few readings
         white: NDArray[np.bool_] = whole & (p >= RULES.doubt) & ~_too_large(misfit, reading, resolution)
     return white
 
