@@ -534,3 +534,38 @@ def test_the_unit_of_a_time_goes_through_a_command(tool):
     )
     found = json.loads(whole.out)["records"][0]
     assert (found["until_min"], found["at_min"]) == (45.0, 360.0)
+
+
+def test_wishes_are_numbers_one_by_one_and_an_array_is_a_list_of_them():
+    """None among them, a word, True: each refused before any work."""
+    run = tf.read(ROOT / "sample_runs" / "spindle.csv")
+    with pytest.raises(tf.ThermofastError, match="tolerance: None among them"):
+        tf.plan([None])
+    assert [row.tolerance_c for row in tf.plan(np.array([0.5]), sensors=1)][:1] == [0.5]
+    for wrong in (True, [True], ["40"]):
+        with pytest.raises(tf.ThermofastError, match="windows: not a list of minutes"):
+            tf.sweep(run, windows=wrong)
+
+
+def test_a_start_behind_the_end_is_told():
+    row = tf.identify(tf.read(ROOT / "sample_runs" / "spindle.csv"), 60, start=90)[0]
+    assert (row.status, row.samples) == ("too_short", 0)
+    assert "0 readings from 90 min, where the rise starts, to 60" in row.message
+
+
+def test_what_is_the_same_is_equal(tmp_path):
+    """Simulated records by their numbers and truth; a model by what it tells, wherever it is from."""
+    one = tf.simulate(sensors=2)
+    assert one == tf.simulate(sensors=2)
+    assert one != tf.simulate(sensors=2, seed=5)
+    assert one != tf.simulate(sensors=3)
+    assert one != 7
+    model = tf.improve(tf.read(ROOT / "sample_runs" / "spindle.csv")).model
+    model.save(tmp_path / "m.toml")
+    assert tf.Model.load(tmp_path / "m.toml") == model
+
+
+def test_a_slice_of_results_is_a_tuple_of_every_kind():
+    run = tf.read(ROOT / "sample_runs" / "spindle.csv")
+    for found in (tf.identify(run, 60), tf.sweep(run, windows=40), tf.bench(run, until=60)):
+        assert isinstance(found[:1], tuple)

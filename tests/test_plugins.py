@@ -17,6 +17,7 @@ from thermofast.models.effects import BUILT_IN as EFFECTS
 from thermofast.models.effects import Values
 from thermofast.plugins import effects, filters
 from thermofast.plugins.guard import PluginError
+from thermofast.plugins.trial import check_shapes
 
 HIDDEN, SPINDLE = ROOT / "sample_runs" / "hidden.csv", ROOT / "sample_runs" / "spindle.csv"
 EFFECT = (ROOT / "sample_runs" / "my_effect.py").read_text()
@@ -182,9 +183,9 @@ def test_the_check_of_a_filter_says_what_to_write_instead(change, words, tmp_pat
 
 def test_what_a_filter_gives_back_is_looked_at():
     track = FILTERS[0]().track(__import__("thermofast.models").models.Lump(), np.arange(60.0), 20 + np.arange(60.0) ** 0.5, 0.0)
-    assert filters.track_problem(track, 60) is None
-    assert "shape (60, 3), needed (61, 3)" in filters.track_problem(track, 61)
-    assert "gave int" in filters.track_problem(7, 60)
+    assert filters.track_problem(track, 60, "always") is None
+    assert "shape (60, 3), needed (61, 3)" in filters.track_problem(track, 61, "always")
+    assert "gave int" in filters.track_problem(7, 60, "always")
     for name, value, words in (
         ("state", np.full((60, 3), np.nan), "state is not finite"),
         ("covariance", -track.covariance, "needed 0 or more"),
@@ -194,8 +195,18 @@ def test_what_a_filter_gives_back_is_looked_at():
         ("weight", np.where(np.arange(60) == 59, -0.01, 1.0), "weight holds -0.01"),
         ("weight", np.where(np.arange(60) == 59, 1.01, 1.0), "weight holds 1.01"),
         ("weight", np.zeros(60), "leaves out every reading"),
+        ("noise_factor", np.zeros(60), "noise_factor holds 0"),
+        ("noise_factor", np.where(np.arange(60) == 59, np.nan, 1.0), "noise_factor holds nan"),
+        ("first", 9.0, "first is 9.0"),
+        ("first", 61, "first is 61"),
+        ("first", True, "first is True"),
+        ("diverged_at", -3, "diverged_at is -3"),
+        ("first", 60, "begins at no reading, and its closing is 'never'"),
     ):
-        assert words in filters.track_problem(replace(track, **{name: value}), 60)
+        assert words in filters.track_problem(replace(track, **{name: value}), 60, "never")
+    assert filters.track_problem(replace(track, first=60), 60, "always") is None
+    left_out = replace(track, weight=np.where(np.arange(60) == 59, 0.0, 1.0), noise_factor=np.where(np.arange(60) == 59, 0.0, 1.0))
+    assert filters.track_problem(left_out, 60, "always") is None  # of a reading that does not count nothing is asked
     with pytest.raises(PluginError, match="needed a class derived from"):
         filters.checked(int, "mine")
 
@@ -296,3 +307,42 @@ def test_what_is_installed_is_looked_for_once_along_a_path(monkeypatch):
     monkeypatch.syspath_prepend(".")
     entrypoints.installed("thermofast.nothing", lambda member, origin: member)
     assert asked == ["thermofast.nothing"] * 2
+
+
+def plain_drive():
+    """Of two sensors over 61 readings."""
+    time, wide = np.arange(61.0), np.ones((2, 61))
+    run = Observations("run", ("a", "b"), time, 20.0 * wide, wide, np.ones(2), np.ones(2))
+    return Drive.plain(run, np.array([0, 1]), np.full((2, 1), 20.0)), run
+
+
+@pytest.mark.parametrize(
+    ("does", "words"),
+    [
+        (
+            "drive.lag = np.ones(5)",
+            "drive.lag has the wrong shape\n  found: (5,)\n  allowed: what broadcasts to (rows, 1) = (2, 1)",
+        ),
+        ("drive.delay = np.ones((2, 7))", "drive.delay has the wrong shape"),
+        ("drive.hidden.append((np.ones((7, 1)), np.ones((7, 1))))", "drive.hidden[0] has the wrong shape"),
+        ("drive.hidden.append(('a', 'b'))", "drive.hidden[0] has the wrong shape\n  found: 'a'"),
+        ("drive.links.append((0.01, np.ones(3)))", "drive.links[0] has the wrong shape\n  found: (3,)"),
+        ("del drive.heat", "drive.heat is gone"),
+    ],
+)
+def test_what_an_effect_leaves_of_a_drive_fits_its_rows_and_readings(does, words):
+    """Whatever it was: never an error out of numpy from where the drive is used."""
+    drive, run = plain_drive()
+    exec(does, {"np": np, "drive": drive})
+    with pytest.raises(PluginError) as error:
+        check_shapes(EFFECTS[0](), drive, run)
+    assert words in str(error.value)
+
+
+def test_one_number_of_each_row_may_stand_in_a_line():
+    drive, run = plain_drive()
+    drive.lag, drive.delay = np.array([1.0, 2.0]), np.ones((2, 61))
+    drive.links.append((np.array([0.01, 0.02]), np.full(61, 20.0)))
+    check_shapes(EFFECTS[0](), drive, run)
+    assert drive.links[0][0].shape == (2, 1)
+    assert np.isfinite(drive.forward(run, np.full(2, 0.02), np.full(2, 5.0), np.full(2, 20.0))).all()

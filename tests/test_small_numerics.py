@@ -10,6 +10,8 @@ from scipy import stats
 from scipy.optimize import brentq
 from scipy.special import logsumexp
 
+from thermofast.discovery.colour import spectral_line
+from thermofast.discovery.remains import _stretch
 from thermofast.models import variance_inflation
 from thermofast.models.arrow import arrow_inverse, arrow_step, assemble, covariance_root, finite_slopes
 from thermofast.models.coordinates import Prior
@@ -520,3 +522,21 @@ def test_blocks_that_are_held_out_cover_what_is_used_but_the_very_beginning():
     assert [np.flatnonzero(b)[[0, -1]].tolist() for b in blocks] == [[2, 5], *([6 * k, 6 * k + 5] for k in range(1, 8))]
     assert held_out_blocks(SimpleNamespace(time=time[:23], used=np.ones((1, 23), dtype=bool))) == []
     assert len(held_out_blocks(SimpleNamespace(time=time[:24], used=np.ones((1, 24), dtype=bool)))) == 8
+
+
+@pytest.mark.parametrize("n", [120, 121])
+def test_a_line_of_the_highest_frequency_is_seen_of_odd_and_even_many_readings(n):
+    """Every frequency between nought and that of every other reading counts."""
+    k = (n - 1) // 2
+    noise = np.random.default_rng(1).standard_normal(n)
+    p, period = spectral_line(noise + 2.0 * np.cos(2.0 * np.pi * k * np.arange(n) / n))
+    assert p < 1e-12
+    assert period == pytest.approx(n / k)
+
+
+def test_what_remains_ends_with_the_record():
+    """The last fifth of a record of an hour ends at an hour."""
+    time = np.arange(0.0, 61.0, 2.0)
+    residual = np.where(time > 48.0, 1.0, 0.0)[None]
+    run = SimpleNamespace(weight=np.ones_like(residual), time=time, used=np.ones_like(residual, dtype=bool))
+    assert _stretch(SimpleNamespace(residual=residual, run=run)) == "most of it from 50 to 60 min"

@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from .errors import InputError, UsageError
 from .experiments.simulated import Simulated
 from .given import Source, Start, checked, in_range, keeps_details, model_of, setting_texts, started_of, work_of
@@ -187,8 +189,12 @@ def plan(
     from .machine.lab import read_imperfection
     from .pipeline.around import design_like, plan_design
 
-    wishes = tuple(tolerance) if isinstance(tolerance, Sequence) and not isinstance(tolerance, str) else (tolerance,)
+    wishes: tuple[float, ...] = (tolerance,)  # type: ignore[assignment]
+    if isinstance(tolerance, Sequence | np.ndarray) and not isinstance(tolerance, str):
+        wishes = tuple(np.asarray(tolerance).ravel().tolist() if isinstance(tolerance, np.ndarray) else tolerance)
     for wish in wishes:
+        if wish is None:
+            raise UsageError("tolerance: None among them", allowed="half-widths in K above zero")
         in_range(tolerance=wish)
     prior, learnt = read_imperfection(imperfection), model_of(model)
     if like is not None and len(runs := started_of(like, "auto", True, {})) != 1:

@@ -118,14 +118,16 @@ class Result(Generic[R]):
         held = self._with_guesses()
         if isinstance(key, int) and not -len(held) <= key < len(held):
             raise IndexError(f"record {key} of {len(held)}")
-        if isinstance(key, int | slice):
+        if isinstance(key, slice):
+            return tuple(held[key])
+        if isinstance(key, int):
             return held[key]
         named = self._whole(key)
         found = [r for r in held if named in self._names(r)]
         if len(set(of := [getattr(r, "run", "") for r in found])) > 1:
             raise KeyError(f"{key!r} is a sensor of several runs; say ({of[0]!r}, {key!r})")
         if not found:
-            raise KeyError(f"no sensor {key!r}; there are {', '.join(self._sensors())}")
+            raise KeyError(f"no sensor {key!r}; there are {', '.join(self._sensors()) or 'none'}")
         return found[0]
 
     def statuses(self) -> list[str]:

@@ -100,7 +100,8 @@ def spectral_line(series: Array) -> tuple[float, float]:
 
     Fisher's g test of the largest ordinate of the periodogram (Fisher 1929, Proc. R. Soc. A 125), to first order.
     """
-    power = np.abs(np.fft.rfft(series - series.mean()))[1:-1] ** 2
+    # The frequency of every other reading, which an even number has, is no pair of sine and cosine.
+    power = np.abs(np.fft.rfft(series - series.mean()))[1 : (len(series) + 1) // 2] ** 2
     total = float(power.sum())
     if len(power) < 8 or not total > 0.0:
         return 1.0, math.inf

@@ -116,8 +116,9 @@ def _stretch(fit: Fit) -> str:
     if float(sums[first]) < ALONE * float(power.sum()):
         return ""
     seen = fit.run.time[fit.run.used.any(axis=0)]
+    # Blocks lie around their own times: the last one of a stretch is where it ends.
     scale = (seen[-1] - seen[0]) / max(1, len(power) - 1)
-    return f"most of it from {seen[0] + first * scale:.4g} to {seen[0] + (first + width) * scale:.4g} min"
+    return f"most of it from {seen[0] + first * scale:.4g} to {seen[0] + (first + width - 1) * scale:.4g} min"
 
 
 def _along(fit: Fit) -> str:

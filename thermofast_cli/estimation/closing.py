@@ -59,7 +59,7 @@ def track_of(method: Filter, model: Model, time: Array, reading: Array, resoluti
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{last.filename}, line {last.lineno}"
         raise FilterError(f"{method.name} raised {type(error).__name__}: {said_by(error)} ({place})") from None
-    problem = track_problem(track, len(time))
+    problem = track_problem(track, len(time), method.closing)
     if problem:
         raise FilterError(f"{method.name}: {problem}")
     return track

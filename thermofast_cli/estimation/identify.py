@@ -159,7 +159,7 @@ def identify_sensors(
     for block in prepare_all(time_min, values, start_min):
         keep = np.ones(len(block), dtype=bool)
         for i in block.maybe_refused(until_min, RULES.fewest_readings):
-            row, refused = block.rows[i], refusal(block.one(i), until_min)
+            row, refused = block.rows[i], refusal(block.one(i), until_min, start_min)
             if refused is not None:
                 status, why, samples = refused
                 message = _joined([why, notes[row]])

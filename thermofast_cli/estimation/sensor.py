@@ -134,13 +134,15 @@ def prepare(time_min: Array, values: Array, start_min: float) -> Sensor:
     return prepare_all(time_min, values[None], start_min)[0].one(0)
 
 
-def refusal(sensor: Sensor, until_min: float | None) -> tuple[str, str, int] | None:
-    """(status, message, readings) where a sensor gives nothing to identify, else None."""
+def refusal(sensor: Sensor, until_min: float | None, start_min: float = 0.0) -> tuple[str, str, int] | None:
+    """(status, message, readings) where a sensor gives nothing to identify from `start_min` on, else None."""
     count = sensor.until(until_min)
     if not len(sensor.reading):
         return "no_data", "no reading in this column", 0
     if count < RULES.fewest_readings:
         within = f" in the first {until_min:g} min" if until_min is not None else ""
+        if until_min is not None and until_min <= start_min:
+            within = f" from {start_min:g} min, where the rise starts, to {until_min:g}"
         return "too_short", f"{count} readings{within}; at least {RULES.fewest_readings} are needed", count
     if float(np.ptp(sensor.reading[:count])) == 0.0:
         return "constant", f"every reading is {sensor.reading[0]:g} degC: is the probe connected?", count

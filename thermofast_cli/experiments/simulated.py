@@ -5,6 +5,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..reading import Run, read_runs
 from ..reading_options import Options
 
@@ -13,12 +15,22 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Simulated:
     """A simulated record: its columns (N,) by name, the time first, and the truth behind it."""
 
     columns: dict[str, Any]
     truth: dict[str, Any]
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both have the same columns of the same numbers, and the same truth."""
+        if not isinstance(other, Simulated):
+            return NotImplemented
+        alike = list(self.columns) == list(other.columns) and self.truth == other.truth
+        pairs = zip(self.columns.values(), other.columns.values(), strict=False)
+        return alike and all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
+
+    __hash__ = None  # type: ignore[assignment]
 
     def _repr_html_(self) -> str:
         """For a notebook: the first and last readings, and what is behind them."""

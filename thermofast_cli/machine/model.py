@@ -1,7 +1,7 @@
 """A learnt model as a value: loaded, saved, and handed to what takes a model."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,12 @@ from .modelfile import ModelFile, read_model, write_model
 
 @dataclass(frozen=True)
 class Model:
-    """What was learnt of one machine. source names it in messages: its file, or the run it was learnt from."""
+    """What was learnt of one machine. source names it in messages: its file, or the run it was learnt from; what is equal tells the
+    same of a machine, wherever it is from.
+    """
 
     file: ModelFile
-    source: str
+    source: str = field(compare=False)
 
     @classmethod
     def load(cls, path: "str | Path | Model", extra: str | Sequence[str] = ()) -> "Model":

@@ -4,6 +4,8 @@ from collections.abc import Iterable
 from dataclasses import fields, replace
 from typing import Any, get_args
 
+import numpy as np
+
 from thermofast.filters import PRINTED, Filter
 from thermofast.models import Lump, PrintedLump
 from thermofast.models.imperfection import TYPICAL, Imperfection, Rates
@@ -133,11 +135,14 @@ def minutes_of(values: Iterable[float] | float, name: str) -> tuple[float, ...]:
     ------
     UsageError: none, or one that is not above zero.
     """
-    given = (values,) if isinstance(values, int | float) else values
+    given: Any = (values,) if isinstance(values, int | float) and not isinstance(values, bool) else values
     try:
         if isinstance(given, str | bytes):  # "45" is no 4 and 5
             raise TypeError
-        found = tuple(sorted({round(float(v), 9) for v in given}))
+        several = list(given)
+        if any(isinstance(v, str | bytes | bool | np.bool_) for v in several):
+            raise TypeError
+        found = tuple(sorted({round(float(v), 9) for v in several}))
     except (TypeError, ValueError):
         allowed = "numbers above zero, as in [40, 45, 50]"
         raise UsageError(f"{name}: not a list of minutes", found=repr(values)[:60], allowed=allowed) from None

@@ -130,15 +130,13 @@ def check(method: Filter, origin: str) -> None:
     reading = 20.0 + 5.0 * -np.expm1(-0.03 * time) + 0.01 * np.sin(7.0 * time)
     with watched(method, f"filter {method.name!r}"):
         track = method.track(Lump(), read_only(time), read_only(reading), 0.0)
-    problem = track_problem(track, len(time))
-    if not problem and method.closing == "never" and track.first >= len(time):
-        problem = "its track begins at no reading, and its closing is 'never': nothing would be estimated"
+    problem = track_problem(track, len(time), method.closing)
     if problem:
         raise PluginError(f"{origin}: {problem}", do=f"see {GUIDE}")
 
 
-def track_problem(track: Any, count: int) -> str | None:
-    """What is wrong with what a filter gave back for `count` readings, or None."""
+def track_problem(track: Any, count: int, closing: str) -> str | None:
+    """What is wrong with what a filter of such a `closing` gave back for `count` readings, or None."""
     if not isinstance(track, Track):
         return f"track() gave {type(track).__name__}, needed thermofast.filters.Track"
     shapes: dict[str, tuple[int, ...]] = {"state": (count, 3), "covariance": (count, 3, 3)}
@@ -151,8 +149,14 @@ def track_problem(track: Any, count: int) -> str | None:
         if not isinstance(values, np.ndarray) or values.dtype.kind != "f":
             kind = values.dtype if isinstance(values, np.ndarray) else type(values).__name__
             return f"its track's {name} is of type {kind}, needed an array of floats"
-    if not 0 <= track.first <= count:
-        return f"its track begins at reading {track.first} of {count}"
+    for name in ("first", "diverged_at"):
+        at = getattr(track, name)
+        if name == "diverged_at" and at is None:
+            continue
+        if not isinstance(at, int | np.integer) or isinstance(at, bool) or not 0 <= at <= count:
+            return f"its track's {name} is {at!r}, needed the number of a reading of {count}, from 0 on"
+    if closing == "never" and track.first >= count:
+        return "its track begins at no reading, and its closing is 'never': nothing would be estimated"
     good = slice(track.first, track.diverged_at)
     kept = track.weight[: track.diverged_at]
     wrong = kept[~((kept >= 0.0) & (kept <= 1.0))]
@@ -160,6 +164,10 @@ def track_problem(track: Any, count: int) -> str | None:
         return f"its track's weight holds {wrong[0]:g}, needed 0 for a reading that it left out, else 1"
     if len(kept) and not kept.any():
         return "its track's weight leaves out every reading"
+    factor = track.noise_factor[: track.diverged_at][kept > 0.0]
+    if not ((factor > 0.0) & np.isfinite(factor)).all():
+        found = factor[~((factor > 0.0) & np.isfinite(factor))][0]
+        return f"its track's noise_factor holds {found:g}, needed more than 0: 1 where the noise is as ever"
     if not np.isfinite(track.state[good]).all():
         return "its track's state is not finite, and diverged_at does not say from which reading on"
     for name in ("noise_variance", "innovation_variance"):

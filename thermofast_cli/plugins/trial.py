@@ -268,8 +268,7 @@ def row_by_row(apply: Any, effect: Effect, drive: Drive, run: Observations, p: A
         )
         named = {k: float(v[i, 0]) if isinstance(v, np.ndarray) and v.shape == (rows, 1) else v for k, v in vars(p).items()}
         apply(effect, single, run, Values(named, {}))
-        _check_pairs(effect, single)
-        _check_real(effect, single)
+        check_shapes(effect, single, run)
         for f in FIELDS:
             wide[f][i] = getattr(single, f)
         for f in NUMBERS:
@@ -357,18 +356,29 @@ def _check_real(effect: Effect, drive: Drive) -> None:
 
 
 def check_shapes(effect: Effect, drive: Drive, run: Observations) -> None:
-    shape = (len(drive.sensor), len(run.time))
+    """Raises PluginError where what an effect left of a drive does not fit its rows and readings."""
+    rows, n = len(drive.sensor), len(run.time)
+    place = f"effect {effect.id!r} ({source_of(effect)})"
+    for f in (*FIELDS, *NUMBERS, *PAIRS):
+        if not hasattr(drive, f):
+            raise PluginError(f"{place}: drive.{f} is gone", do=f"write drive.{f} = drive.{f} + ..., and delete nothing")
     _check_pairs(effect, drive)
     _check_real(effect, drive)
-    for f in FIELDS:
-        value = getattr(drive, f)
+    wide, tall = (rows, n), (rows, 1)
+    told = [(f"drive.{f}", getattr(drive, f), wide) for f in FIELDS]
+    told += [(f"drive.{f}", getattr(drive, f), wide if f == "delay" and np.ndim(drive.delay) == 2 else tall) for f in NUMBERS]
+    told += [(f"drive.hidden[{i}]", v, tall) for i, pair in enumerate(drive.hidden) for v in pair]
+    told += [(f"drive.links[{i}]", v, s) for i, pair in enumerate(drive.links) for v, s in zip(pair, (tall, wide), strict=True)]
+    for name, value, shape in told:
         try:
-            np.broadcast_to(np.asarray(value, dtype=float), shape)
+            numbers = np.asarray(value, dtype=float)
+            # One number of each row may also stand in a line.
+            np.broadcast_to(numbers[:, None] if shape == tall and numbers.shape == (rows,) else numbers, shape)
         except (ValueError, TypeError):
-            found = np.shape(value)
-            place = source_of(effect)
             raise PluginError(
-                f"effect {effect.id!r} ({place}): drive.{f} has the wrong shape",
-                found=str(found),
-                allowed=f"what broadcasts to (rows, readings) = {shape}: p.<name> are (rows, 1), run.time is (readings,)",
+                f"{place}: {name} has the wrong shape",
+                found=str(np.shape(value)) if np.shape(value) else repr(value)[:60],
+                allowed=f"what broadcasts to {'(rows, readings)' if shape == wide else '(rows, 1)'} = {shape}: "
+                "p.<name> are (rows, 1), run.time is (readings,)",
             ) from None
+    drive.links[:] = [(np.reshape(c, tall) if np.shape(c) == (rows,) else c, other) for c, other in drive.links]
