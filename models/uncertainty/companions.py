@@ -4,6 +4,8 @@ The law may take a first ripple, a step, the foot of a slow rise or a probe that
 count all that comes later as the disturbances of a machine at rest.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,8 @@ Array = NDArray[np.float64]
 
 #: Time constants after which the law has done 95 %, and how many readings there must be behind them.
 DONE, FEWEST = 3.0, 24
+#: Stretches of a record whose means tell which way a sensor went.
+STRETCHES = 20
 #: Within so many kelvin, and within such a share of what a sensor moved, cold sensors begin alike.
 APART_K, APART = 1.0, 0.1
 #: A part that is no faster than so many times the sensor that moved most is a slow one, where it moved by such a share of that
@@ -60,6 +64,25 @@ def moved_since(time: Array, reading: Array, rate: Array, ahead: Array) -> Array
         limit = reading[i] + ahead[i] * np.exp(-rate[i] * since)
         found[i] = np.median(limit[len(time) - third :]) - np.median(limit[first : first + third])
     return found
+
+
+def went_back(time: Array, reading: Array, noise: Array, way: float) -> tuple[Array, Array]:
+    """How far readings (S, n) [K] at time (n,) went against a `way` (1: warmer, -1: colder), and when they turned [min].
+
+    By means over a twentieth of the record, of a noise (S,) [K] of a reading; 0 where that is no more than chance, and nan for a
+    time where they have not come back by more than chance since.
+    """
+    edges = np.unique(np.linspace(0, len(time), min(STRETCHES, len(time)) + 1).astype(int))
+    count = np.diff(edges)
+    means = way * np.add.reduceat(reading, edges[:-1], axis=1) / count
+    chance = CLEAR * math.sqrt(2.0) * noise / math.sqrt(count.min())
+    least = means.argmin(axis=1)
+    at = np.arange(len(means)), least
+    away, since = means[:, 0] - means[at], means[:, -1] - means[at]
+    went = away > chance
+    turned = went & (since > chance)
+    middle = np.add.reduceat(time, edges[:-1]) / count - time[0]
+    return np.where(went, away, 0.0), np.where(turned, middle[least], np.nan)
 
 
 def halves(time: Array, reading: Array, noise: Array) -> tuple[Array, Array, Array]:

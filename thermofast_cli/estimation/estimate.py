@@ -300,6 +300,23 @@ def none_yet(count: int, times: Array, ahead: NDArray[np.bool_]) -> Claims:
     )
 
 
+def said_of_slow(claimed: Claims, i: int, rise: float) -> str:
+    """What a record could not exclude of a slow second mass, in words; empty where that is nothing worth a word."""
+    size, width = float(claimed.unseen[i]), float(claimed.steady[i, 2] - claimed.steady[i, 0])
+    if not math.isfinite(size) or not abs(rise) > 0.0 or size < 0.25 * width:
+        return ""
+    share = 100.0 * size / abs(rise)
+    return f"a second mass slower than {rounded(claimed.unseen_from[i])} min, up to {rounded(min(share, 999.0))} % of the rise"
+
+
+def said_of_early(claimed: Claims, i: int) -> str:
+    """What is said of a sensor whose record is too short for slow parts behind quick ones."""
+    return (
+        f"so early a slower part behind what has moved so far does not show: measure for {rounded(claimed.early[i])} min at least, "
+        "or say what past runs told: --model, or --imperfection of the lab"
+    )
+
+
 def lost(found: Estimates, reading: Array) -> dict[int, str]:
     """Why a sensor's estimate is none, by sensor: its state is LOST times as far from the readings (S, n) used as a constant is."""
     far = np.flatnonzero(found.misfit > LOST * np.ptp(reading, axis=1)).tolist()

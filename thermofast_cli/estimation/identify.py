@@ -20,8 +20,8 @@ from ..records import IdentifyRecord
 from ..standards.stopping import Rule, Trips, columns_of, trips_of
 from .closing import estimates_of, track_of, tracks_of, tracks_together
 from .curves import Curves, curves_of, drawn_to, trace_columns
-from .estimate import Claims, Estimates, FilterError, Model, lost, remaining, times_asked
-from .imperfect import Closed, claims, said_of_slow, together_of, why_let_go, without_past
+from .estimate import Claims, Estimates, FilterError, Model, lost, remaining, said_of_slow, times_asked
+from .imperfect import Closed, claims, together_of, why_let_go, without_past
 from .measured import (
     comes_back,
     contradicts,

@@ -10,14 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models import averaging_window, bridged, spike_weights, third_difference_noise
+from thermofast.models import averaging_window, bridged, difference_noise, spike_weights, third_difference_noise
 from thermofast.models.imperfection import Imperfection, Part, Past, Rates, SensorShape, Settled, pilot, settle
 from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
-from thermofast.models.uncertainty.companions import faster, halves, moved_since, rest_of_warm, risen_before, slow_parts
+from thermofast.models.uncertainty.companions import faster, halves, moved_since, rest_of_warm, risen_before, slow_parts, went_back
 from thermofast.models.uncertainty.surroundings import room_paths
 
-from ..errors import rounded
 from ..standards.stopping import DRAWS, Rule, asked_ahead, foretold_trips, hides
 from .estimate import Claims, Estimates, none_yet
 from .rules import RULES
@@ -143,34 +142,48 @@ def _slow_seen(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -
 def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
     """Marks the sensors of a group to which the heat has hardly come yet, as the others move: what they do by then says little.
 
-    So it does of one that moves the other way, still warm from another day.
+    So it does of one that moves the other way, still warm from another day, or did so at first: by the slowest of the others
+    heat may come to it for long.
     """
     moved, most = _moved(closed, members)
-    rates = [one.rate[one.held & mine & (m > 0.5 * most), 1] for m, mine, one in zip(moved, members, into, strict=True)]
-    rate = float(np.median(every)) if len(every := np.concatenate(rates)) else math.nan
+
+    def rates_from(share: float) -> Array:
+        each = zip(moved, members, into, strict=True)
+        return np.concatenate([one.rate[one.held & mine & (m > share * most), 1] for m, mine, one in each])
+
+    rate = float(np.median(every)) if len(every := rates_from(0.5)) else math.nan
+    slowest = float(every.min()) if len(every := rates_from(RULES.behind)) else math.nan
     each = zip(closed, moved, members, strict=True)
     furthest = np.concatenate([(c.found.state[:, 0] - c.found.initial)[mine & (m == most)] for c, m, mine in each])
     way = float(np.sign(furthest[:1].sum()))
     for c, m, mine, one in zip(closed, moved, members, into, strict=True):
-        read = rate * float(c.sensors.time[c.count - 1] - c.sensors.time[0])
-        little = m < RULES.behind * most
+        minutes = float(c.sensors.time[c.count - 1] - c.sensors.time[0])
+        read, little = rate * minutes, m < RULES.behind * most
         if read >= RULES.behind_until:  # later only what does not move at all, and by far
             little &= (m < RULES.at_rest * c.found.noise) & (most > RULES.still_others * c.found.noise)
         if read < RULES.still_until:
             one.behind[:] = np.where(mine & little & ~one.known, m / max(most, 1e-9), one.behind)
-            against = (m < 0.5 * most) & (m > RULES.at_rest * c.found.noise) & (way * (c.found.state[:, 0] - c.found.initial) < 0.0)
-            one.behind[:] = np.where(mine & against & ~one.known, -m / max(most, 1e-9), one.behind)
+        time, reading = c.sensors.time[: c.count], c.sensors.reading[:, : c.count]
+        noise = np.maximum(difference_noise(reading), c.sensors.resolution / math.sqrt(12.0))
+        back, turned = went_back(time, reading, noise, way)
+        with np.errstate(invalid="ignore"):
+            coming = (slowest * minutes < RULES.still_until) | (minutes < RULES.turned_until * turned)
+        against = (m < 0.5 * most) & (back > 0.0) & coming
+        one.behind[:] = np.where(mine & against & ~one.known, -back / max(most, 1e-9), one.behind)
 
 
 def _mark_early(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims], learnt: bool) -> None:
     """Marks the sensors of a group whose record is too short for the slow parts behind quick ones, as windings in their oil.
 
-    Until then one exponential is all that there is; where past runs are counted (learnt), these have told.
+    Until then one exponential is all that there is; where past runs are counted (learnt), these have told. In a machine that is
+    warm from before, whose sensors begin apart, slow parts have done some of their rise and show later.
     """
+    warm = any(bool((before[mine] > 0.0).any()) for before, mine in zip(_before(closed, members), members, strict=True))
+    heard = RULES.heard_warm_min if warm else RULES.heard_min
     for c, mine, one in zip(closed, members, into, strict=True):
         read = float(c.sensors.time[c.count - 1] - c.sensors.time[0])
         with np.errstate(invalid="ignore", divide="ignore"):
-            shows = np.minimum(RULES.heard_min, RULES.heard_turns / one.rate[:, 1])
+            shows = np.minimum(heard, RULES.heard_turns / one.rate[:, 1])
         one.early[:] = np.where(mine & one.held & (read < shows) & ~(one.known & learnt), shows, one.early)
 
 
@@ -278,13 +291,17 @@ def _with_past(
             _at_least(one, learnt, mine & one.let_go & learnt.held)
 
 
-def _with_before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
-    """Limits of members (S,) that were warm where the record begins reach on, as those of one from the beginning would."""
+def _before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> list[Array]:
+    """How much warmer (S,) [K] the sensors of each block were where the record begins than the coolest of them, or the room."""
     some = [float(c.found.initial[m].min()) for c, m in zip(closed, members, strict=True) if m.any()]
     coolest = float(np.nanmin([np.inf, *some, *(c.room[0] for c in closed if c.room is not None)]))
-    for c, mine, one in zip(closed, members, into, strict=True):
+    return [risen_before(c.found.initial, c.found.state[:, 0], coolest) for c in closed]
+
+
+def _with_before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
+    """Limits of members (S,) that were warm where the record begins reach on, as those of one from the beginning would."""
+    for c, mine, one, before in zip(closed, members, into, _before(closed, members), strict=True):
         first, minutes = c.found.initial, float(c.sensors.time[c.count - 1] - c.sensors.time[0])
-        before = risen_before(first, c.found.state[:, 0], coolest)
         on = rest_of_warm(before, one.steady[:, 1] - first, one.rate[:, 1] * minutes)
         warm = mine & (on > 0.0)
         one.steady[warm, 2] = np.maximum(one.steady[:, 2], one.steady[:, 1] + on)[warm]
@@ -410,23 +427,6 @@ def _trips(
             drawn.curve[some] += room_paths(part.time, part.room, found.rate[some, 1], at, DRAWS)
         first = some.stop
     return *foretold_trips(criterion, drawn, at, float(time[-1]), hidden), hidden
-
-
-def said_of_slow(claimed: Claims, i: int, rise: float) -> str:
-    """What a record could not exclude of a slow second mass, in words; empty where that is nothing worth a word."""
-    size, width = float(claimed.unseen[i]), float(claimed.steady[i, 2] - claimed.steady[i, 0])
-    if not math.isfinite(size) or not abs(rise) > 0.0 or size < 0.25 * width:
-        return ""
-    share = 100.0 * size / abs(rise)
-    return f"a second mass slower than {rounded(claimed.unseen_from[i])} min, up to {rounded(min(share, 999.0))} % of the rise"
-
-
-def said_of_early(claimed: Claims, i: int) -> str:
-    """What is said of a sensor whose record is too short for slow parts behind quick ones."""
-    return (
-        f"so early a slower part behind what has moved so far does not show: measure for {rounded(claimed.early[i])} min at least, "
-        "or say what past runs told: --model, or --imperfection of the lab"
-    )
 
 
 def why_let_go(past: Past | None, read_min: float) -> str:

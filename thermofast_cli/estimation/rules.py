@@ -45,6 +45,12 @@ class EstimationRules:
         "read from which on a slow part behind a quick one shows, of machines that warm for hours: below it no row is `ok`",
         "benchmarks.intervals.two_masses --fast 3 8; of a stranger's machines' rows 46, 35, 9, 2 % missed at 15, 20, 30, 40 min",
     )
+    heard_warm_min: float = rule(
+        60.0,
+        "min",
+        "the same of a machine that is warm from before: its sensors begin apart",
+        "a stranger's machines warmed, left for 20 to 120 min, begun anew: 39, 13, 8, 2 % of rows missed at 30, 40, 50, 60 min",
+    )
     heard_turns: float = rule(
         60.0,
         "time constants",
@@ -135,6 +141,12 @@ class EstimationRules:
     )
     still_until: float = rule(
         3.0, "time constants of the sensors that move", "until then, for one that does not move at all", BY_HAND
+    )
+    turned_until: float = rule(
+        5.0,
+        "times",
+        "as long as a sensor went the other way before it turned, until which heat is on its way to it",
+        "the same machines: of such rows that were `ok` 8 of 17 missed at 60 min, 5 of 24 at 90",
     )
     still_others: float = rule(20.0, "noise", "that the others have moved by, at least", "four times what is no movement")
     jump: float = rule(

@@ -15,8 +15,7 @@ from thermofast.models.uncertainty.companions import DONE
 
 from ..errors import rounded
 from ..records import IdentifyRecord
-from .estimate import Claims, Estimate, Estimates
-from .imperfect import said_of_early
+from .estimate import Claims, Estimate, Estimates, said_of_early
 from .measured import outlying, went, words
 from .rules import RULES
 from .sensor import Sensor, Sensors, left_at_end
@@ -225,7 +224,10 @@ def _of_the_heat(case: _Case, changed_min: float | None) -> list[Reason]:
         )
 
     def little(i: int) -> str:
-        share = rounded(100.0 * claimed.behind[i])
+        share = rounded(100.0 * abs(claimed.behind[i]))
+        if claimed.behind[i] < 0.0:
+            went = f"it went the other way, by {share} % of what others have moved, as a part that was warm before does"
+            return f"{went}: their heat may still be on its way to it; measure on"
         return f"it has moved by {share} % of what others have: heat may still be on its way to it; measure on"
 
     return [Reason(restless, moved_on, restless), Reason(fresh, changed, fresh), Reason(behind, little, behind)]
