@@ -375,7 +375,7 @@ def test_progress_of_a_single_run_shows_on_a_terminal(monkeypatch, capsys):
 
 
 def test_pictures_promise_nothing_that_is_not_determined(tool, tmp_path):
-    from thermofast.estimation.verdicts import marks
+    from thermofast.estimation.curves import marks
     from thermofast.records import IdentifyRecord
 
     open_ended = IdentifyRecord("r", "T1", "afukf", steady_state_c=25.0, t95_min=90.0, status="not_determined")

@@ -10,7 +10,6 @@ from thermofast.filters import Track
 from ..records import IdentifyRecord
 from .estimate import Claims, Estimate, Model
 from .sensor import Sensor
-from .verdicts import marks
 
 Array = NDArray[np.float64]
 
@@ -32,6 +31,22 @@ class Curves:
     steady_state: float | None
     t95: float | None
     trace: dict[str, Array]
+
+
+def marks(record: IdentifyRecord, start_min: float, room_c: float | None = None) -> tuple[str, float | None, float | None]:
+    """(note, steady state [degC], time [min] at which 95 % is done) for a picture; no number over what is not determined.
+
+    room_c [degC] is that at the last reading used, in which the steady state holds, where one was logged.
+    """
+    if record.status == "not_determined" or record.steady_state_c is None:
+        return "not determined", None, None
+    low, high = record.steady_state_lo_c, record.steady_state_hi_c
+    around = f" ({low:.2f}..{high:.2f})" if low is not None and high is not None else ""
+    doubt = ", model doubtful" if record.status == "model_doubtful" else ""
+    done = record.t95_min + start_min if record.t95_min is not None else None
+    room = f" in a room of {room_c:.1f} °C" if room_c is not None else ""
+    when = f", from {record.until_min:.4g} min" if record.until_min is not None else ""
+    return f"settles at {record.steady_state_c:.2f} °C{around}{room}{when}{doubt}", record.steady_state_c, done
 
 
 def drawn_to(begin: float, end: float, t95: float) -> float:

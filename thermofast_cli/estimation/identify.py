@@ -23,13 +23,13 @@ from .curves import Curves, curves_of, drawn_to, trace_columns
 from .estimate import Claims, Estimates, FilterError, Model, lost, remaining, said_of_slow, times_asked
 from .imperfect import Closed, claims, together_of, why_let_go, without_past
 from .measured import (
+    against_claims,
     comes_back,
     contradicts,
     counted_to,
     in_room,
     measured_equilibria,
     moved_by_room,
-    outside_band,
     room_at,
     steadied,
     swinging,
@@ -441,21 +441,17 @@ class _Block:
             return ahead, {}
         later = sensors.time[n:]
         kept = (spike_weights(sensors.reading, sensors.resolution)[:, n:] > 0.0) & (later < self.method.jumps_min)
-        low, curve, high = claimed.curves(later) if claimed is not None else (None, found.free_run(later), None)
-        if claimed is not None and low is not None and high is not None:
+        curve, moved = found.free_run(later) if claimed is None else claimed.curves(later)[1], np.zeros(1)
+        if claimed is not None:
             logged = self.room if self.surroundings is not None else None
             moved = moved_by_room(self.time_min, logged, claimed.rate[:, 1], float(sensors.time[n - 1]), later)
-            low, curve, high = low + moved, curve + moved, high + moved
+            curve = curve + moved
         error = np.where(kept & told[:, None], sensors.reading[:, n:] - curve, np.nan)
         told &= (number := np.isfinite(error).sum(axis=1)) > 0
         ahead[told] = np.sqrt(np.nansum(error[told] ** 2, axis=1) / number[told])
-        against = {}
-        if claimed is not None and low is not None and high is not None:
-            half, wide = np.where(error > 0.0, high - curve, curve - low), RULES.claimed_factor
-            for k in np.flatnonzero(told & contradicts(error, half, found.noise, wide)).tolist():
-                against[k] = float(np.abs(error[k][outside_band(error[k], half[k], found.noise[k], wide)]).max())
-            return ahead, against
-        half = found.band_from_tangent(later)
+        if claimed is not None:
+            return ahead, against_claims(np.where(told[:, None], error, np.nan), later, moved, found, claimed)
+        against, half = {}, found.band_from_tangent(later)
         # The covariance alone costs little; what it finds is looked at again with the curved band of draws.
         for i in np.flatnonzero(told & contradicts(error, half, found.noise)):
             good = np.isfinite(error[i])

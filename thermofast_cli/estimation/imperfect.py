@@ -161,7 +161,7 @@ def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]],
         read, little = rate * minutes, m < RULES.behind * most
         if read >= RULES.behind_until:  # later only what does not move at all, and by far
             little &= (m < RULES.at_rest * c.found.noise) & (most > RULES.still_others * c.found.noise)
-        if read < RULES.still_until:
+        if slowest * minutes < RULES.still_until:
             one.behind[:] = np.where(mine & little & ~one.known, m / max(most, 1e-9), one.behind)
         time, reading = c.sensors.time[: c.count], c.sensors.reading[:, : c.count]
         noise = np.maximum(difference_noise(reading), c.sensors.resolution / math.sqrt(12.0))

@@ -169,6 +169,26 @@ def contradiction(residual: Array, half_width: Array, noise: float) -> float | N
     return float(np.abs(residual[outside_band(residual, half_width, noise)]).max())
 
 
+def against_claims(error: Array, later: Array, moved: Array, found: "Estimates", claimed: "Claims") -> dict[int, float]:
+    """By how much [K] readings ahead contradict what was claimed of some sensors.
+
+    error (S, m) [K] of the curve claimed at times `later` (m,) [min], nan for one that does not count; `moved` (S, m) [K] is what a
+    logged room does, which is counted in it. Readings leave the band of the curve, or go on far beyond the interval of the limit,
+    which no approach to it does: what the band has room for there is a room that moves, and the limit was said without it.
+    """
+    low, curve, high = claimed.curves(later)
+    half, against = np.where(error > 0.0, high - curve, curve - low), {}
+    for k in np.flatnonzero(contradicts(error, half, found.noise, RULES.claimed_factor)).tolist():
+        against[k] = float(np.abs(error[k][outside_band(error[k], half[k], found.noise[k], RULES.claimed_factor)]).max())
+    low, middle, high = claimed.steady.T
+    on = np.where(middle >= found.state[:, 0], 1.0, -1.0)
+    way, wide = on[:, None] * (error + curve - middle[:, None]), RULES.far_beyond * np.where(on > 0.0, high - middle, middle - low)
+    way = np.where(way > 0.0, way, np.where(np.isnan(way), np.nan, 0.0))
+    for k in np.flatnonzero(contradicts(way, np.broadcast_to(wide[:, None], way.shape), found.noise, 1.0)).tolist():
+        against[k] = max(against.get(k, 0.0), float(np.nanmax(way[k])))
+    return against
+
+
 def words(size: float, until_min: float) -> str:
     """What to say of a contradiction of `size` [K]."""
     after = f"the readings after {until_min:.4g} min leave the prediction's band"
@@ -260,8 +280,10 @@ def with_claims(law: "Estimates", claimed: "Claims", sensors: Sensors, back: NDA
     # heat has hardly come, one out of what came first.
     rises = law.state[:, 0] >= law.initial
     open_ = claimed.unknown_rate | np.isfinite(claimed.behind)
-    steady[open_ & rises, 2] = np.nan
-    steady[open_ & ~rises, 0] = np.nan
+    with np.errstate(invalid="ignore"):
+        against = claimed.behind < 0.0  # the others: neither its own way nor theirs is the rest of it
+    steady[open_ & (rises | against), 2] = np.nan
+    steady[open_ & (~rises | against), 0] = np.nan
     least = np.where(rises, steady[:, 0], steady[:, 2])  # that which leaves the least to be done
     start = began(law, sensors)
     t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, start, least, sensors)), None, t95[:, 1])
@@ -280,6 +302,36 @@ def with_claims(law: "Estimates", claimed: "Claims", sensors: Sensors, back: NDA
         t95_low=t95[:, 0],
         t95_high=t95[:, 2],
     )
+
+
+def came_loose(time: Array, reading: Array, resolution: Array) -> dict[int, str]:
+    """What to say of sensors whose readings (S, n) [K] at time (n,) [min] fell back as a probe does that came off.
+
+    Most of what a sensor had risen (or fallen) goes, far beyond its noise and the logger's step (S,) [K], and far faster than it
+    came, while the others go on: a heat that is switched off takes them along.
+    """
+    said: dict[int, str] = {}
+    if reading.shape[1] < RULES.fewest_complete or len(reading) < 2:
+        return said
+    away = reading - np.median(reading[:, :3], axis=1, keepdims=True)
+    risen = np.sign(away[np.arange(len(away)), np.abs(away).argmax(axis=1)])[:, None] * away
+    top, last = risen.max(axis=1), np.median(risen[:, -3:], axis=1)
+    noise = np.maximum(difference_noise(reading), resolution)
+    big = RULES.still_others * np.maximum(noise, 1e-9)
+    for i in np.flatnonzero((top > big) & (top - last > np.maximum(RULES.loose * top, big))).tolist():
+        fall, most = top[i] - last[i], int(risen[i].argmax())
+        gone = most + int((risen[i, most:] < top[i] - 0.8 * fall).argmax())
+        off = most + int(np.flatnonzero(risen[i, most:gone] > top[i] - 0.1 * fall)[-1])
+        others = np.delete(np.arange(len(reading)), i)
+        on = others[risen[others, off] > big[others]]
+        go_on = last[on] >= risen[on, off] - 5.0 * noise[on]
+        if time[gone] - time[off] < RULES.loose_within * (time[off] - time[0]) and len(on) and go_on.all():
+            when = f"{time[off]:.4g}"
+            said[i] = (
+                f"it fell back by {rounded(float(fall))} K from {when} min on, as no other did: a probe that came loose? "
+                f"look at it, and use what came before (--until {when})"
+            )
+    return said
 
 
 def _to_the_beginning(steady: Array, law: "Estimates", sensors: Sensors) -> None:

@@ -149,6 +149,8 @@ class EstimationRules:
         "the same machines: of such rows that were `ok` 8 of 17 missed at 60 min, 5 of 24 at 90",
     )
     still_others: float = rule(20.0, "noise", "that the others have moved by, at least", "four times what is no movement")
+    loose: float = rule(0.7, "of what a sensor rose", "that goes again where its probe came off", BY_HAND)
+    loose_within: float = rule(0.2, "of the time it took to rise", "within which it goes", BY_HAND)
     jump: float = rule(
         10.0, "noise", "of a single step beyond fastest_step that is a probe's", "twice what no reading at rest reaches"
     )
@@ -160,6 +162,9 @@ class EstimationRules:
     )
     faster_slowest: float = rule(8.0, "1", "the same, as the slowest of them, of one that is said to have settled", ODD_HEATS)
     faster_until: float = rule(2.0, "time constants of the others", "after which they have settled", ODD_HEATS)
+    far_beyond: float = rule(
+        2.0, "half-widths", "beyond the limit claimed, at which readings ahead contradict it", "four deviations; a room may wander"
+    )
     noise_factor: float = rule(3.29, "noise", "beside that", "the normal quantile of one in a thousand")
     share_outside: float = rule(0.05, "1", "of the readings ahead that must lie outside", "one outlier is no evidence")
     fewest_outside: int = rule(3, "readings", "that must lie outside", "one outlier is no evidence")

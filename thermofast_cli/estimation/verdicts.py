@@ -14,9 +14,8 @@ from thermofast.models.imperfection import Past
 from thermofast.models.uncertainty.companions import DONE
 
 from ..errors import rounded
-from ..records import IdentifyRecord
 from .estimate import Claims, Estimate, Estimates, said_of_early
-from .measured import outlying, went, words
+from .measured import came_loose, outlying, went, words
 from .rules import RULES
 from .sensor import Sensor, Sensors, left_at_end
 
@@ -137,6 +136,16 @@ def claimed_verdicts(
     for reason in (*first, early, _faded(case, tracks, status), *later):
         for i in np.flatnonzero(reason.where).tolist():
             messages.setdefault(i, []).append(reason.say(i))
+    read = slice(found.weights.shape[1])
+    for i, said in came_loose(sensors.time[read], sensors.reading[:, read], sensors.resolution).items():
+        status[i], messages[i] = "not_determined" if open_[i] else "model_doubtful", [said]  # what else is said is of no machine
+    return _contradicted(status, messages, against, until)
+
+
+def _contradicted(
+    status: list[str], messages: dict[int, list[str]], against: dict[int, float], until: float
+) -> tuple[list[str], dict[int, list[str]]]:
+    """Status and words with those sensors in doubt that readings ahead contradict [K]."""
     for i, size in against.items():
         status[i] = "model_doubtful" if status[i] == "ok" else status[i]
         messages[i] = [words(size, until), *messages.get(i, [])]
@@ -352,10 +361,7 @@ def law_verdicts(
         elif too_wide[i]:
             said.insert(0, _wide_words(float(width[i]), float(seen[i]), float(far[i]), float(found.noise[i])))
         messages[i] = said
-    for i, size in against.items():
-        status[i] = "model_doubtful" if status[i] == "ok" else status[i]
-        messages[i] = [words(size, until), *messages.get(i, [])]
-    return status, messages
+    return _contradicted(status, messages, against, until)
 
 
 def _lawless(found: Estimates, sensors: Sensors) -> NDArray[np.bool_]:
@@ -463,19 +469,3 @@ def doubts(estimate: Estimate, woke: int, sensor: Sensor) -> list[str]:
             "the interval does not cover what the model lacks"
         ]
     return []
-
-
-def marks(record: IdentifyRecord, start_min: float, room_c: float | None = None) -> tuple[str, float | None, float | None]:
-    """(note, steady state [degC], time [min] at which 95 % is done) for a picture; no number over what is not determined.
-
-    room_c [degC] is that at the last reading used, in which the steady state holds, where one was logged.
-    """
-    if record.status == "not_determined" or record.steady_state_c is None:
-        return "not determined", None, None
-    low, high = record.steady_state_lo_c, record.steady_state_hi_c
-    around = f" ({low:.2f}..{high:.2f})" if low is not None and high is not None else ""
-    doubt = ", model doubtful" if record.status == "model_doubtful" else ""
-    done = record.t95_min + start_min if record.t95_min is not None else None
-    room = f" in a room of {room_c:.1f} °C" if room_c is not None else ""
-    when = f", from {record.until_min:.4g} min" if record.until_min is not None else ""
-    return f"settles at {record.steady_state_c:.2f} °C{around}{room}{when}{doubt}", record.steady_state_c, done

@@ -1,0 +1,135 @@
+"""A machine that is warm from before, and a probe that comes off: what the first readings show is not what is to come."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import thermofast as tf
+from thermofast.estimation.measured import against_claims, came_loose
+from thermofast.estimation.rules import RULES
+from thermofast.models.uncertainty.companions import went_back
+
+MINUTES = np.arange(0.0, 401.0)
+
+
+def machine(warmed, left, seed=0, noise=0.02):
+    """(readings (3, n) [degC], limits (3,)) of a spindle, its housing and a column behind it, in a room of 20 degC, begun anew
+    after it was `warmed` and then `left` [min].
+    """
+    capacity, loss, heat = np.array([6e3, 3e4, 6e4]), np.array([4.0, 5.0, 6.0]), np.array([90.0, 0.0, 0.0])
+    flow = np.array([[12.0, -12.0, 0.0], [-12.0, 18.0, -6.0], [0.0, -6.0, 6.0]]) + np.diag(loss)
+    slope = -60.0 * flow / capacity[:, None]
+    limit = np.linalg.solve(flow, heat)
+
+    def after(minutes, state, on):
+        return on * limit + expm(slope * minutes) @ (state - on * limit)
+
+    begun = after(left, after(warmed, np.zeros(3), 1.0), 0.0)
+    curve = np.array([after(m, begun, 1.0) for m in MINUTES]).T
+    return 20.0 + np.round(curve + noise * np.random.default_rng(seed).standard_normal(curve.shape), 2), 20.0 + limit
+
+
+def rows(reading, until, whole=False):
+    kept = (MINUTES[-1] if whole else until) >= MINUTES
+    columns = {
+        "time_min": MINUTES[kept],
+        **dict(zip(("spindle degC", "housing degC", "column degC"), reading[:, kept], strict=True)),
+    }
+    return tf.identify(tf.read(columns), until=until if whole else None, jobs=1)
+
+
+@pytest.mark.parametrize("left", [40.0, 80.0])
+@pytest.mark.parametrize("until", [30, 60, 90, 150])
+def test_what_is_ok_of_a_machine_that_began_warm_is_true(left, until):
+    reading, limit = machine(300.0, left)
+    for row, true in zip(rows(reading, until), limit, strict=True):
+        assert row.status != "ok" or row.steady_state_lo_c <= true <= row.steady_state_hi_c, (row.channel, true)
+
+
+def test_a_part_that_cools_while_others_rise_waits_for_their_heat():
+    """Neither side of its interval is bound, and the row says why."""
+    reading, limit = machine(300.0, 40.0)
+    assert reading[2, :60].min() < reading[2, 0] - 0.2 < limit[2]
+    column = rows(reading, 60)[2]
+    assert (column.status, column.steady_state_lo_c, column.steady_state_hi_c) == ("not_determined", None, None)
+    assert "it went the other way, by" in column.message
+    assert "their heat may still be on its way to it" in column.message
+
+
+def test_sensors_that_begin_apart_are_heard_for_an_hour_and_a_cold_machine_for_less():
+    warm, cold = machine(300.0, 15.0)[0], machine(0.0, 0.0)[0]
+    assert np.ptp(warm[:, 0]) > 1.2
+    assert RULES.heard_min < 40 < RULES.heard_warm_min
+    assert all("so early a slower part" in row.message or row.status != "ok" for row in rows(warm, 40))
+    assert not any("so early a slower part" in row.message for row in rows(cold, 40))
+    assert not any("so early a slower part" in row.message for row in rows(warm, 61))
+
+
+def test_how_far_readings_went_back_and_when_they_turned():
+    time = np.arange(100.0)
+    rise = 20.0 + 5.0 * -np.expm1(-time / 30.0)
+    falls = 20.0 - 0.05 * np.minimum(time, 40.0)
+    turns = falls + np.maximum(time - 40.0, 0.0) * 0.05
+    noise = np.random.default_rng(1).normal(0.0, 0.02, (4, 100))
+    back, turned = went_back(time, np.stack([rise, falls, turns, 0.0 * time]) + noise, np.full(4, 0.02), 1.0)
+    assert back == pytest.approx([0.0, 1.9, 1.85, 0.0], abs=0.08)
+    assert np.isnan(turned[[0, 1, 3]]).all()
+    assert turned[2] == pytest.approx(40.0, abs=3.0)
+    other, _ = went_back(time, 40.0 - np.stack([rise, turns]), np.full(2, 0.02), -1.0)
+    assert other == pytest.approx([0.0, 1.85], abs=0.08)
+
+
+def test_readings_ahead_that_go_far_beyond_the_limit_contradict_it_whatever_the_band_holds():
+    """A band that widens with a room that may move; the limit was said without it."""
+    later = np.arange(60.0, 160.0)
+    wide = np.full((3, 100), 5.0)
+    claimed = SimpleNamespace(
+        curves=lambda _: (25.0 - wide, np.full((3, 100), 25.0), 25.0 + wide),
+        steady=np.array([[24.5, 25.0, 25.5], [24.5, 25.0, 25.5], [14.5, 15.0, 15.5]]),
+    )
+    found = SimpleNamespace(state=np.array([[24.0, 0, 0], [24.0, 0, 0], [16.0, 0, 0]]), noise=np.full(3, 0.02))
+    far, near = 25.0 + 1.2 + 0 * later, 25.0 + 0.9 + 0 * later
+    below = 15.0 - 1.2 + 0 * later
+    error = np.stack([far, near, below]) - 25.0
+    error[0, :50] = np.nan
+    wide += 10.0
+    found_against = against_claims(error, later, np.zeros(1), found, claimed)
+    assert found_against == {0: pytest.approx(1.2), 2: pytest.approx(1.2)}
+
+
+def test_a_row_that_later_readings_refute_is_no_ok():
+    """The same record, cut and whole: of the whole one the readings after --until speak."""
+    time = np.arange(0.0, 301.0)
+    late = np.where(time > 70.0, 4.0 * -np.expm1(-(time - 70.0) / 80.0), 0.0)
+    curve = 20.0 + 6.0 * -np.expm1(-time / 12.0) + late + np.random.default_rng(2).normal(0.0, 0.02, len(time))
+    run = tf.read({"time_min": time, "a degC": curve})
+    cut = tf.identify(tf.read({"time_min": time[:66], "a degC": curve[:66]}), jobs=1)[0]
+    assert cut.status == "ok"
+    whole = tf.identify(run, until=65, jobs=1)[0]
+    assert whole.status == "model_doubtful"
+    assert "the interval does not hold" in whole.message
+
+
+def test_a_probe_that_comes_off_is_told_with_the_time_to_use():
+    time = np.arange(0.0, 61.0)
+    rise = 20.0 + 10.0 * -np.expm1(-time / 20.0)
+    off = np.where(time > 30.0, 20.0 + (rise[30] - 20.0) * np.exp(-(time - 30.0) / 1.5), rise)
+    noise = np.random.default_rng(3).normal(0.0, 0.02, (2, 61))
+    reading = np.stack([off, 20.0 + 6.0 * -np.expm1(-time / 30.0)]) + noise
+    said = came_loose(time, reading, np.zeros(2))
+    assert list(said) == [0]
+    assert "from 30 min on, as no other did: a probe that came loose?" in said[0]
+    assert "--until 30" in said[0]
+    row = tf.identify(tf.read({"time_min": time, "a degC": reading[0], "b degC": reading[1]}), jobs=1)[0]
+    assert row.status != "ok"
+    assert row.message == said[0]
+    # A heat that is switched off takes all of them along, and slow cooling is none.
+    both = np.where(time > 30.0, 20.0 + (reading[:, 30:31] - 20.0) * np.exp(-(time - 30.0) / 1.5), reading)
+    assert came_loose(time, both, np.zeros(2)) == {}
+    slow = np.where(time > 30.0, 20.0 + (rise[30] - 20.0) * np.exp(-(time - 30.0) / 15.0), rise)
+    assert came_loose(time, np.stack([slow + noise[0], reading[1]]), np.zeros(2)) == {}
+    assert came_loose(time, reading[:1], np.zeros(1)) == {}
+    # Coarse steps are no fall.
+    assert came_loose(time, reading, np.full(2, 0.5)) == {}
