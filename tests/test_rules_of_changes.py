@@ -86,7 +86,7 @@ def test_kinds_of_change_move_what_physics_has_them_move():
     ]
     assert [d[:, 0].tolist() for _, _, d, *_ in told[1:4]] == [[0, 0, 1, 1], [-1, -1, 0, 0], [1, 1, -1, -1]]
     assert told[5][2].tolist() == [[0, 0], [0, 1], [0, 0], [1, 0]]
-    assert sum(p for *_, p in told) == pytest.approx(1.0)
+    assert sum(p for *_, p in told) + changed.PRIORS["exchanged"] == pytest.approx(1.0)
     assert [size for *_, size, _ in told] == [0.0, 0.4, 0.4, 0.4, 0.2, 0.2, 0.2]
     assert len(changed._hypotheses(1)) == 4
 
@@ -396,3 +396,57 @@ def test_one_that_is_left_out_changes_nothing_for_the_others():
     assert [(r.change, r.channel) for r in alone] == [(r.change, r.channel) for r in beside]
     assert [r.probability for r in alone] == pytest.approx([r.probability for r in beside], abs=1e-3)
     assert [r.size for r in alone if r.size] == pytest.approx([r.size for r in beside if r.size], rel=1e-3)
+
+
+def numbers_of(rates, rises, error=0.01):
+    values = np.log(np.concatenate([rates, rises]))
+    return changed.RunNumbers(values, error**2 * np.eye(len(values)))
+
+
+def test_two_sensors_that_have_each_others_numbers_were_exchanged():
+    """However many there are, and no matter what they are called; where both are alike nobody can tell."""
+    rng = np.random.default_rng(4)
+    rates, rises = rng.uniform(0.01, 0.05, 40), rng.uniform(3.0, 20.0, 40)
+    crossed = np.arange(40)
+    crossed[[7, 31]] = 31, 7
+    found = changed.changes([numbers_of(rates, rises)], [numbers_of(rates[crossed], rises[crossed])]).changes
+    assert (found[0].kind, found[0].sensor, found[0].other) == ("exchanged", 7, 31)
+    assert found[0].probability > 0.99
+    assert sum(c.kind == "exchanged" for c in found) == changed.PAIRS
+    assert sum(c.probability for c in found) == pytest.approx(1.0)
+    alike = changed.changes([numbers_of([0.02, 0.0201], [5.0, 5.02])], [numbers_of([0.0201, 0.02], [5.02, 5.0])]).changes
+    assert alike[0].kind == "nothing"
+    alone = changed.changes([numbers_of([0.02], [5.0])], [numbers_of([0.02], [5.0])]).changes
+    assert not any(c.kind == "exchanged" for c in alone)
+
+
+def test_an_exchange_is_weighed_as_no_change_is_with_the_numbers_crossed():
+    """By the normal density of what is left then, and a prior shared by all pairs."""
+    rng = np.random.default_rng(5)
+    covariance = np.array([m @ m.T for m in rng.normal(0.0, 0.05, (2, 6, 6))])
+    old, new = rng.normal(0.0, 0.3, (2, 6))
+    found = dict(changed._exchanges((old, covariance[0]), (new, covariance[1])))
+    order = [2, 1, 0, 5, 4, 3]
+    noise = covariance[0] + covariance[1][np.ix_(order, order)]
+    density = stats.multivariate_normal(np.zeros(6), noise).logpdf(new[order] - old) + 3.0 * math.log(2.0 * math.pi)
+    assert found[0, 2] == pytest.approx(density + math.log(changed.PRIORS["exchanged"] / 3.0))
+    assert set(found) == {(0, 1), (0, 2), (1, 2)}
+
+
+def test_exchanged_sensors_are_named_together_and_neither_probe_is_accused():
+    minutes = np.arange(0.0, 200.0)
+    rng = np.random.default_rng(6)
+
+    def run(name, front="front degC", rear="rear degC"):
+        curves = {front: 12.0 * -np.expm1(-minutes / 25.0), "oil degC": 5.0 * -np.expm1(-minutes / 60.0)}
+        curves[rear] = 1.0 + 8.0 * -np.expm1(-minutes / 40.0)
+        return tf.read({"time_min": minutes, **{n: 20.0 + c + rng.normal(0.0, 0.02, 200) for n, c in curves.items()}}, name=name)
+
+    for old in (1, 3):
+        told = tf.changed([run(f"old {k}") for k in range(old)], run("new", "rear degC", "front degC"))
+        assert (told.verdict, told[0].status, told[0].channel) == ("exchanged", "ok", "front degC and rear degC")
+        assert "their plugs, places or names were exchanged" in told[0].message
+        assert "began" not in told[0].message
+    repeated = tf.changed([run("old 1")], run("new 1"))
+    assert repeated.verdict == "nothing"
+    assert "a contact by what it moves a sensor's rise" in repeated[0].message

@@ -4,7 +4,8 @@ python -m benchmarks.unlike_parts.chains [--each 30] [--seed 610000] prints, for
 capacities drawn, one heated or two, a logged room that wanders, a load that flutters, losses that differ by 1 % from run to run;
 each step by the exponential of their matrix): how many 95 % intervals of the temperature at switch-off hold it, from first readings
 30 to 120 s late; how often a loss of all parts is named and its size held; and how often a test that was logged late, or whose load
-was halved within, is said to be a change that is none, as `ok`.
+was halved within, is said to be a change that is none, as `ok`; and how often two sensors that were exchanged are named, after one
+old run and after three.
 """
 
 import argparse
@@ -115,6 +116,23 @@ def unchanged(late: int, halved: bool, seed: int) -> str:
     return told.verdict if told[0].status == "ok" else "open"
 
 
+def exchanged(old: int, seed: int) -> str:
+    """What a run after others is said to be in which two sensors, drawn, were exchanged."""
+    rng = np.random.default_rng([seed, 5])
+    chain = Chain.drawn(rng)
+    i, j = rng.choice(len(chain.loss), 2, replace=False).tolist()
+    before = [chain.logged(rng, f"old {k}") for k in range(old)]
+    crossed = {f"T{i} [degC]": f"T{j} [degC]", f"T{j} [degC]": f"T{i} [degC]"}
+    new = chain.logged(rng, "new")
+    columns = {crossed.get(name, name): values for name, values in new.channels.items()}
+    told = tf.changed(before, tf.read({"time_min": new.time_s / 60.0, **columns, **new.ambient}, name="new"))
+    if told[0].status != "ok":
+        return "open"
+    if told.verdict != "exchanged":
+        return told.verdict
+    return "right" if {f"T{i} [degC]", f"T{j} [degC]"} == set(told[0].channel.split(" and ")) else "wrong pair"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--each", type=int, default=30)
@@ -135,6 +153,10 @@ def main() -> None:
             said = list(pool.map(partial(unchanged, late, halved), seeds))
             wrong = sum(verdict not in ("nothing", "room", "open") for verdict in said)
             print(f"{name}{f' by {late} min' if late else ''}: a change that is none, ok, in {wrong} of {len(said)}", flush=True)
+        for old in (1, 3):
+            said = list(pool.map(partial(exchanged, old), seeds))
+            kinds = {kind: said.count(kind) for kind in sorted(set(said))}
+            print(f"two sensors exchanged, {old} old: {', '.join(f'{k} {c}' for k, c in kinds.items())} of {len(said)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,14 +1,17 @@
-"""What is different in a machine since other runs of it: heat, heat capacity, loss, one sensor, the contacts, the room, or nothing.
+"""What is different in a machine since other runs of it: heat, heat capacity, loss, one sensor, two exchanged, the contacts, the
+room, or nothing.
 
 Of every run the base law gives each sensor a rate b (loss over heat capacity) and a rise R (heat over loss), in logarithms. A
 change of the heat moves all rises, of the heat capacity all rates, of the loss rates up and rises down, of one sensor its own
-numbers, of the contacts between parts anything; another room moves neither, but where the runs begin. Each is a line or plane
+numbers, of the contacts between parts anything; of two that were exchanged each has the other's numbers; another room moves
+neither, but where the runs begin. Each is a line, a plane or a place
 through no change; how likely each is follows from the marginal likelihood of the difference, run-to-run scatter and the errors of
 the fits counted, sizes unknown.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +43,9 @@ FROM_MIDDLE = 0.7
 #: Kinds of change that move every point, and the share of them that may go the other way: a probe in the steam of a pot.
 WHOLE, MOST_AGAINST = ("heat", "heat capacity", "loss"), 0.25
 #: Prior probabilities: three tests in four are repeated without anything having changed.
-PRIORS = {"nothing": 0.75, "heat": 0.06, "heat capacity": 0.06, "loss": 0.06, "sensor": 0.035, "contact": 0.035}
+PRIORS = {"nothing": 0.75, "heat": 0.06, "heat capacity": 0.06, "loss": 0.06, "sensor": 0.03, "contact": 0.03, "exchanged": 0.01}
+#: Pairs of sensors that are looked at as exchanged: those after whose exchange the runs are most alike.
+PAIRS = 10
 #: A room is another one from this difference [K] on, or from so many deviations of the old runs' rooms: labs hold them to 1 or 2 K.
 ROOM, ROOM_DEVIATIONS = 3.0, 3.0
 #: Deviation [K] of a room that nobody logged, over a run: of a straight line, and of a swing there and back.
@@ -177,7 +182,8 @@ class Begun:
 
 @dataclass(frozen=True)
 class Change:
-    """One kind of change: its probability, and the logarithm of its size with its deviation; sensor is that of a `sensor`.
+    """One kind of change: its probability, and the logarithm of its size with its deviation; sensor is that of a `sensor`, with
+    other one of two that were `exchanged`.
 
     size is the factor on heat, heat capacity or loss; of a sensor the factor on its rise; of the contacts that on the rise of the
     sensor that moved most; of the room the difference [K], not a logarithm; None for `nothing`. kelvin: of a sensor as well, whose
@@ -191,6 +197,7 @@ class Change:
     deviation: float | None = None
     kelvin: bool = False
     shows: float | None = None
+    other: int | None = None
 
 
 def scatter(n: int, runs: Sequence[Sequence[RunNumbers]]) -> Array:
@@ -237,7 +244,8 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers], begun: Begun |
     difference: Array = means[1][0] - means[0][0]
     noise: Array = means[0][1] + means[1][1]
     ways = begun.ways() if begun is not None else [(0.0, np.zeros(2 * n), np.zeros(2 * n))]
-    listed, logs, found = [], list[Array](), []
+    listed, logs, pairs = [], list[Array](), _exchanges(means[0], means[1])
+    found: list[tuple[str, Any, list[tuple[int | None, float, float] | None]]] = []
     for kind, sensor, directions, size, prior in _hypotheses(n):
         weights, sizes = [], []
         for likely, shift, unsure in ways:
@@ -247,14 +255,43 @@ def changes(old: Sequence[RunNumbers], new: Sequence[RunNumbers], begun: Begun |
                 sizes.append(told)
         found.append((kind, sensor, sizes))
         logs.append(np.array(weights))
+    for pair, weight in pairs:
+        found.append(("exchanged", pair, [None] * len(ways)))
+        logs.append(np.array([weight + likely for likely, _, _ in ways]))
     top = max(float(each.max()) for each in logs)
     shares = [np.exp(each - top) for each in logs]
     total = sum(float(each.sum()) for each in shares)
     for (kind, sensor, sizes), own in zip(found, shares, strict=True):
         at, value, deviation = _mixed(own / max(float(own.sum()), 1e-300), sizes)
-        listed.append(Change(kind, sensor if at is None else at, float(own.sum()) / total, value, deviation))
+        one, other = sensor if isinstance(sensor, tuple) else (sensor, None)
+        listed.append(Change(kind, one if at is None else at, float(own.sum()) / total, value, deviation, other=other))
     same_start = float(shares[0][0] / max(float(shares[0].sum()), 1e-300))
     return Compared(sorted(listed, key=lambda c: -c.probability), difference, noise, same_start)
+
+
+def _exchanges(old: tuple[Array, Array], new: tuple[Array, Array]) -> list[tuple[tuple[int, int], float]]:
+    """Log-likelihoods, with their priors, of pairs of sensors that have each other's numbers in the new runs; means (2 S,) of both
+    sides with their covariances.
+    """
+    n = len(old[0]) // 2
+    if n < 2:
+        return []
+    first, second = np.triu_indices(n, 1)
+    variance = np.diag(old[1]) + np.diag(new[1])
+    # By how much an exchange makes the numbers of both alike, each by itself.
+    left = (new[0] - old[0]) ** 2 / variance
+    crossed = (new[0].reshape(2, 1, n) - old[0].reshape(2, n, 1)) ** 2 / variance.reshape(2, n, 1)
+    gain = sum(left[k * n + first] + left[k * n + second] - crossed[k][first, second] - crossed[k][second, first] for k in (0, 1))
+    found = []
+    for at in np.argsort(-np.asarray(gain))[:PAIRS].tolist():
+        i, j = int(first[at]), int(second[at])
+        order = np.arange(2 * n)
+        order[[i, j, n + i, n + j]] = j, i, n + j, n + i
+        noise = old[1] + new[1][np.ix_(order, order)]
+        difference = new[0][order] - old[0]
+        log = -0.5 * float(np.linalg.slogdet(noise)[1] + difference @ np.linalg.solve(noise, difference))
+        found.append(((i, j), log + float(np.log(PRIORS["exchanged"] / len(first)))))
+    return found
 
 
 def _weighed(

@@ -77,6 +77,7 @@ WORDS = {
     "heat capacity": "every point settles where it did, {slower}: the heat capacity",
     "loss": "every point rises {less} and settles {quicker}: the loss to the surroundings",
     "sensor": "{sensor} alone tells another temperature, is in another place, or in another contact",
+    "exchanged": "{sensor} and {other} each tell what the other did: their plugs, places or names were exchanged",
     "probe": "{sensor} tells {kelvin} K {higher} than it did beside the others, from beginning to end: its probe",
     "contact": "points differ each in its own way, {sensor} most, which rises {more}: a contact, a coupling, or several at once",
 }
@@ -151,7 +152,8 @@ def compare_runs(
         found = _with_room(fits, starts, many, found, seen_as.same_start)
     difference, deviation = seen_as.difference, np.sqrt(np.diag(seen_as.noise))
     first = _first(seen, channels, model)
-    if first is not None:
+    swapped = found[0].kind == "exchanged" and found[0].probability >= SURE
+    if first is not None and not swapped:  # each of the two began elsewhere, and neither probe is off
         begin, stands_for = (starts, 1) if model is None else (first, 1 + len(model.file.also_from))
         found = with_offset(found, begin, levels - starts, many, deviation[len(channels) :], stands_for)
     verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
@@ -160,7 +162,8 @@ def compare_runs(
         verdict, status = "nothing or heat", "not_determined"
     names = ", ".join(run.name for run, _ in new)
     told = {channels[c.sensor] for c in found[:1] if c.kelvin and c.sensor is not None}
-    apart = [] if first is None else [n for n in _apart(first, many, channels) if not any(n.startswith(f"{c} began") for c in told)]
+    apart = [] if first is None or swapped else _apart(first, many, channels)
+    apart = [n for n in apart if not any(n.startswith(f"{c} began") for c in told)]
     others = np.arange(len(rise)) != (found[0].sensor if verdict == "sensor" else None)
     # Where a test is logged late the sensor that is accused ends where it did, too: it began up on its rise.
     others |= np.abs(levels[many:].mean(axis=0) - levels[:many].mean(axis=0)) < ENDS_ALIKE * np.abs(warmer)
@@ -294,6 +297,7 @@ def _said(c: Change, channels: Sequence[str]) -> str:
         slower=f"{'slower' if up else 'faster'} {percent}",
         quicker=f"{'sooner' if up else 'later'}, {percent}",
         sensor=channels[c.sensor] if c.sensor is not None else "",
+        other=channels[c.other] if c.other is not None else "",
         kelvin=rounded(abs(c.size or 0.0)),
         warmer="warmer" if (c.size or 0.0) > 0.0 else "colder",
         higher="higher" if (c.size or 0.0) > 0.0 else "lower",
@@ -324,7 +328,7 @@ def _record(names: str, c: Change, channels: Sequence[str], verdict: str, status
             kelvin = tuple(sides)
         else:
             size, low, high = map(math.exp, sides)
-    sensor = channels[c.sensor] if c.sensor is not None else ""
+    sensor = " and ".join(channels[i] for i in (c.sensor, c.other) if i is not None)
     said = _said(c, channels)
     said = said if status == "ok" else f"likeliest, with {100.0 * c.probability:.0f} %: {said}"
     message = "" if notes is None else "; ".join([said, *notes])  # what is less likely is not put in words
@@ -358,6 +362,7 @@ def _visible(found: Sequence[Change], sensors: int) -> str:
         sizes.append(
             f"the rise of one sensor alone by {least} %" if least == most else f"that of one sensor by {least} to {most} %"
         )
+    sizes += ["a contact by what it moves a sensor's rise"] if each else []
     sizes += [f"one probe by {rounded(SHOWS * c.shows)} K" for c in found if c.kelvin and c.kind == "sensor" and c.shows]
     alone = "" if sensors < 3 or any(c.kelvin for c in found) else "; a probe that is off only shows beside two old runs and more"
     return f"would most likely have shown: {', '.join(sizes)}{alone}"
