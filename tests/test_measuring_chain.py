@@ -114,8 +114,15 @@ def test_a_logged_switch_at_that_time_may_have_cooled_it(fallen):
 def test_a_row_that_rose_and_came_back_is_not_told_to_measure_longer(fallen):
     row = tf.identify(fallen, until=300.0, jobs=1)[1]
     assert row.status == "not_determined"
-    assert "the readings went 13.6 K and came back" in row.message
+    assert "it falls 14 K in 3 min at 200 min, to where it began, while the others go on: did the probe come off?" in row.message
+    assert "--until 200" in row.message
     assert "measure longer" not in row.message
+    alone = tf.identify({n: fallen[n] for n in ("time_min", "T2")}, until=300.0, jobs=1)[
+        0
+    ]  # nobody tells whether the machine went on
+    assert alone.status == "not_determined"
+    assert "the readings went 13.6 K and came back" in alone.message
+    assert "measure longer" not in alone.message
 
 
 def test_a_sheet_of_notes_beside_the_record_is_no_second_table(tmp_path):

@@ -372,7 +372,7 @@ def test_readings_that_begin_after_the_time_asked_for_are_too_few_for_a_drive(to
     (tmp_path / "run.csv").write_text("\n".join(["time_min,T1 [degC],load", *rows]) + "\n")
     done = tool("identify", tmp_path / "run.csv", "--until", "110", "--switch-off-at", "200", "--drive", "load")
     assert "too_short" in done.out
-    assert "0 readings in the first 110 min" in done.out
+    assert "0 readings from 200 min, where the rise starts, to 110" in done.out
 
 
 def lagged(time, taus, rise):

@@ -120,7 +120,7 @@ def test_a_probe_that_comes_off_is_told_with_the_time_to_use():
     reading = np.stack([off, 20.0 + 6.0 * -np.expm1(-time / 30.0)]) + noise
     said = came_loose(time, reading, np.zeros(2))
     assert list(said) == [0]
-    assert "from 30 min on, as no other did: a probe that came loose?" in said[0]
+    assert "at 30 min, to where it began, while the others go on: did the probe come off?" in said[0]
     assert "--until 30" in said[0]
     row = tf.identify(tf.read({"time_min": time, "a degC": reading[0], "b degC": reading[1]}), jobs=1)[0]
     assert row.status != "ok"
@@ -131,5 +131,13 @@ def test_a_probe_that_comes_off_is_told_with_the_time_to_use():
     slow = np.where(time > 30.0, 20.0 + (rise[30] - 20.0) * np.exp(-(time - 30.0) / 15.0), rise)
     assert came_loose(time, np.stack([slow + noise[0], reading[1]]), np.zeros(2)) == {}
     assert came_loose(time, reading[:1], np.zeros(1)) == {}
+    # What was switched then may have cooled it.
+    assert came_loose(time, reading, np.zeros(2), 31.0) == {}
+    assert list(came_loose(time, reading, np.zeros(2), 20.0)) == [0]
+    # From one reading to the next it is a jump, and one reading alone an outlier.
+    jumps = np.where(time > 30.0, 20.0, rise)
+    assert came_loose(time, np.stack([jumps + noise[0], reading[1]]), np.zeros(2)) == {}
+    alone = np.where(time == 30.0, 60.0, 20.0) + noise[0]
+    assert came_loose(time, np.stack([alone, reading[1]]), np.zeros(2)) == {}
     # Coarse steps are no fall.
     assert came_loose(time, reading, np.full(2, 0.5)) == {}

@@ -153,7 +153,7 @@ def calibrate(
 def changed(
     old: Source = None, new: Source = None, *, model: "Model | str | Path | None" = None, start: Start = "auto", **reading: Any
 ) -> Changes:
-    """What is different since `old` runs, or since `model` was learnt: heat, capacity, loss, a sensor, contacts, or nothing.
+    """What is different since `old` runs, or since `model` was learnt: heat, capacity, loss, sensors, contacts, or nothing.
 
     Raises
     ------

@@ -292,7 +292,8 @@ class ChangedRecord(Record):
     """One kind of change of a machine since other runs of it; `verdict` is the same in every row.
 
     size is the factor, new over old, on heat, heat capacity or loss, of a sensor on its rise, of the contacts on the rise of the
-    sensor that moved most, with its 95 % interval; difference_k by how much the room is warmer, with its own.
+    sensor that moved most, with its 95 % interval; difference_k by how much the room is warmer, with its own. channel names the
+    sensor, or the two that were exchanged.
     """
 
     change: str = ""

@@ -16,6 +16,8 @@ HOME, REST = 0.25, 0.1
 #: Before it, as long as it takes, the sensor moves by no more than this share of it, and the others meanwhile by no more than this
 #: share of their way: where they do, something happened to the machine.
 CALM, OTHERS = 0.25, 0.1
+#: Of its way, that is gone where a sensor is said to have fallen back; within such a share of the time in which it had gone 63 %.
+MOST, FASTER = 0.7, 0.5
 #: Deviations of the noise that are no movement, and that are a fall; readings at rest that are needed.
 STILL, FALL, AT_REST = 6.0, 30.0, 10
 
@@ -38,6 +40,30 @@ def came_off(time: Array, reading: Array, used: NDArray[np.bool_], noise: Array)
         return {}
     found = {i: fell for i in range(len(reading)) if (fell := _fell(time, reading[i], used[i], float(noise[i]))) is not None}
     return {i: fell for i, fell in found.items() if _others_go_on(i, fell, time, reading, used, noise)}
+
+
+def fell_back(time: Array, reading: Array, noise: Array) -> dict[int, CameOff]:
+    """Which sensors most likely came off, of readings (S, N) with a noise (S,) [K] at time (N,) [min], sooner than :func:`came_off`
+    would leave anything out: most of what one had gone is gone, faster by far than it came, and no other that moves goes back.
+    """
+    if len(reading) < 2 or len(time) < 3 * AT_REST:
+        return {}
+    away = reading - np.median(reading[:, :3], axis=1, keepdims=True)
+    gone = np.sign(away[np.arange(len(away)), np.abs(away).argmax(axis=1)])[:, None] * away
+    top, last, big = gone.max(axis=1), np.median(gone[:, -3:], axis=1), FALL * np.maximum(noise, 1e-9)
+    found = {}
+    for i in np.flatnonzero((top > big) & (top - last > np.maximum(MOST * top, big))).tolist():
+        fall, most = float(top[i] - last[i]), int(gone[i].argmax())
+        over = most + int((gone[i, most:] < top[i] - MOST * fall).argmax())
+        off = most + int(np.flatnonzero(gone[i, most:over] > top[i] - REST * fall)[-1])
+        warmed = float(time[int((gone[i] > (1.0 - np.exp(-1.0)) * top[i]).argmax())] - time[0])
+        # What falls from one reading to the next jumps, and so does a single outlier.
+        quick = over - off > 1 and time[over] - time[off] < FASTER * warmed
+        others = np.delete(np.arange(len(reading)), i)
+        moved = others[gone[others, off] > big[others]]
+        if quick and len(moved) and (last[moved] >= gone[moved, off] - STILL * noise[moved]).all():
+            found[i] = CameOff(off, float(time[over] - time[off]), fall, float(reading[i, -1]))
+    return found
 
 
 def _fell(time: Array, reading: Array, used: NDArray[np.bool_], noise: float) -> CameOff | None:

@@ -45,8 +45,8 @@ def command(
     save_plot: str | None,
     **reading: Any,
 ) -> int:
-    """Say what differs in a machine between earlier RUNs and later ones (--new): heat, heat capacity, loss, a sensor, the contacts,
-    the room, or nothing.
+    """Say what differs in a machine between earlier RUNs and later ones (--new): heat, heat capacity, loss, a sensor, two sensors
+    exchanged, the contacts, the room, or nothing.
 
     Every sensor of every run gives a rate and a rise, over the length of the shortest run; each kind of change moves them in its
     own way. One row for each kind, the likeliest first, with its size and 95 % interval; run-to-run scatter is counted, and is

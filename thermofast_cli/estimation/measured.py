@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import difference_noise, spike_weights
 from thermofast.models.imperfection import lagged
+from thermofast.models.noise.chain import fell_back
 from thermofast.models.standards.settled import Passing, without_strays
 from thermofast.models.swing import swing_of
 from thermofast.models.uncertainty.surroundings import room_ahead
@@ -304,32 +305,18 @@ def with_claims(law: "Estimates", claimed: "Claims", sensors: Sensors, back: NDA
     )
 
 
-def came_loose(time: Array, reading: Array, resolution: Array) -> dict[int, str]:
-    """What to say of sensors whose readings (S, n) [K] at time (n,) [min] fell back as a probe does that came off.
+def came_loose(time: Array, reading: Array, resolution: Array, changed_min: float | None = None) -> dict[int, str]:
+    """What to say of sensors whose readings (S, n) at time (n,) [min] fell back as a probe does that came off: :func:`fell_back`.
 
-    Most of what a sensor had risen (or fallen) goes, far beyond its noise and the logger's step (S,) [K], and far faster than it
-    came, while the others go on: a heat that is switched off takes them along.
+    resolution (S,) [K] is the logger's step; what was switched at `changed_min` may have cooled it.
     """
-    said: dict[int, str] = {}
-    if reading.shape[1] < RULES.fewest_complete or len(reading) < 2:
-        return said
-    away = reading - np.median(reading[:, :3], axis=1, keepdims=True)
-    risen = np.sign(away[np.arange(len(away)), np.abs(away).argmax(axis=1)])[:, None] * away
-    top, last = risen.max(axis=1), np.median(risen[:, -3:], axis=1)
-    noise = np.maximum(difference_noise(reading), resolution)
-    big = RULES.still_others * np.maximum(noise, 1e-9)
-    for i in np.flatnonzero((top > big) & (top - last > np.maximum(RULES.loose * top, big))).tolist():
-        fall, most = top[i] - last[i], int(risen[i].argmax())
-        gone = most + int((risen[i, most:] < top[i] - 0.8 * fall).argmax())
-        off = most + int(np.flatnonzero(risen[i, most:gone] > top[i] - 0.1 * fall)[-1])
-        others = np.delete(np.arange(len(reading)), i)
-        on = others[risen[others, off] > big[others]]
-        go_on = last[on] >= risen[on, off] - 5.0 * noise[on]
-        if time[gone] - time[off] < RULES.loose_within * (time[off] - time[0]) and len(on) and go_on.all():
-            when = f"{time[off]:.4g}"
+    said = {}
+    for i, fell in fell_back(time, reading, np.maximum(difference_noise(reading), resolution)).items():
+        begins = float(time[fell.first])
+        if changed_min is None or not begins - fell.minutes <= changed_min <= begins + 2.0 * fell.minutes:
             said[i] = (
-                f"it fell back by {rounded(float(fall))} K from {when} min on, as no other did: a probe that came loose? "
-                f"look at it, and use what came before (--until {when})"
+                f"it falls {rounded(fell.fall)} K in {rounded(fell.minutes)} min at {begins:.4g} min, to where it began, while the "
+                f"others go on: did the probe come off? look at it, and use what came before (--until {begins:.4g})"
             )
     return said
 

@@ -149,8 +149,6 @@ class EstimationRules:
         "the same machines: of such rows that were `ok` 8 of 17 missed at 60 min, 5 of 24 at 90",
     )
     still_others: float = rule(20.0, "noise", "that the others have moved by, at least", "four times what is no movement")
-    loose: float = rule(0.7, "of what a sensor rose", "that goes again where its probe came off", BY_HAND)
-    loose_within: float = rule(0.2, "of the time it took to rise", "within which it goes", BY_HAND)
     jump: float = rule(
         10.0, "noise", "of a single step beyond fastest_step that is a probe's", "twice what no reading at rest reaches"
     )

@@ -137,7 +137,7 @@ def claimed_verdicts(
         for i in np.flatnonzero(reason.where).tolist():
             messages.setdefault(i, []).append(reason.say(i))
     read = slice(found.weights.shape[1])
-    for i, said in came_loose(sensors.time[read], sensors.reading[:, read], sensors.resolution).items():
+    for i, said in came_loose(sensors.time[read], sensors.reading[:, read], sensors.resolution, changed_min).items():
         status[i], messages[i] = "not_determined" if open_[i] else "model_doubtful", [said]  # what else is said is of no machine
     return _contradicted(status, messages, against, until)
 
