@@ -167,7 +167,7 @@ def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]],
         noise = np.maximum(difference_noise(reading), c.sensors.resolution / math.sqrt(12.0))
         back, turned = went_back(time, reading, noise, way)
         with np.errstate(invalid="ignore"):
-            coming = (slowest * minutes < RULES.still_until) | (minutes < RULES.turned_until * turned)
+            coming = np.where(np.isnan(turned), slowest * minutes < RULES.still_until, minutes < RULES.turned_until * turned)
         against = (m < 0.5 * most) & (back > 0.0) & coming
         one.behind[:] = np.where(mine & against & ~one.known, -back / max(most, 1e-9), one.behind)
 
