@@ -43,7 +43,7 @@ FROM_MIDDLE = 0.7
 #: Kinds of change that move every point, and the share of them that may go the other way: a probe in the steam of a pot.
 WHOLE, MOST_AGAINST = ("heat", "heat capacity", "loss"), 0.25
 #: Prior probabilities: three tests in four are repeated without anything having changed.
-PRIORS = {"nothing": 0.75, "heat": 0.06, "heat capacity": 0.06, "loss": 0.06, "sensor": 0.03, "contact": 0.03, "exchanged": 0.01}
+PRIORS = {"nothing": 0.74, "heat": 0.06, "heat capacity": 0.06, "loss": 0.06, "sensor": 0.035, "contact": 0.035, "exchanged": 0.01}
 #: Pairs of sensors that are looked at as exchanged: those after whose exchange the runs are most alike.
 PAIRS = 10
 #: A room is another one from this difference [K] on, or from so many deviations of the old runs' rooms: labs hold them to 1 or 2 K.
