@@ -11,7 +11,7 @@ from scipy.optimize import curve_fit, minimize
 from scipy.special import stdtrit
 from simulator import lump, spindle
 
-from thermofast.estimation.closing import _too_large
+from thermofast.estimation.closing import _too_large, likelihood_estimates
 from thermofast.models import (
     DecayFit,
     difference_noise,
@@ -23,6 +23,7 @@ from thermofast.models import (
     spike_weights,
     variance_inflation,
 )
+from thermofast.models.noise.whiteness import law_patterns
 
 
 def likelihood(time, reading, weight):
@@ -204,3 +205,36 @@ def test_residuals_are_too_large_at_three_times_what_neighbours_differ_by_and_a_
     noise, step = float(difference_noise(reading[0])), np.array([0.0, 0.0, 0.5, 0.5])
     misfit = 3.0 * noise + step + np.array([-1e-6, 1e-6, -1e-6, 1e-6])
     assert _too_large(misfit, reading, step).tolist() == [False, True, False, True]
+
+
+def test_patterns_of_the_law_are_those_of_its_residuals_beside_its_tangent():
+    """By the general function on the readings that count, of two lengths; the misfit counts each reading alike."""
+    rng = np.random.default_rng(8)
+    t = np.arange(80.0)
+    y = np.stack([20.0 + 8.0 * -np.expm1(-0.03 * t) + 0.02 * rng.standard_normal(80) for _ in range(2)])
+    w = np.where(rng.random((2, 80)) < 0.2, 0.25, 1.0)
+    w[1, [5, 50]] = 0.0
+    rates = np.array([fit_decay(t, y[i], w[i]).rate for i in (0, 1)])
+    p, residual, misfit = law_patterns(t, y, w, rates)
+    for i in (0, 1):
+        fit, used, root = fit_decay(t, y[i], w[i]), w[i] > 0.0, np.sqrt(w[i])
+        left = y[i] - fit.predict(t)
+        decay = np.exp(-fit.rate * t)
+        tangent = np.stack([np.ones(80), decay, t * decay], axis=1) * root[:, None]
+        assert residual[i] == pytest.approx(left * root, abs=1e-9)
+        assert p[i] == pytest.approx(pattern_p_value((left * root)[used], tangent[used]), rel=1e-5)
+        assert misfit[i] == pytest.approx(math.sqrt(np.mean(left[used] ** 2)))
+
+
+def test_dependent_residuals_are_those_of_the_readings_that_count():
+    """A record with readings of no weight is as wide as the record without them, where its residuals swing."""
+    t = np.arange(90.0)
+    y = 20.0 + 8.0 * -np.expm1(-0.03 * t) + 0.2 * np.sin(0.35 * t) + 0.01 * np.random.default_rng(3).standard_normal(90)
+    weight = np.where(t % 3 == 1, 0.0, 1.0)
+    weight[[0, -1]] = 1.0
+    kept = weight > 0.0
+    first, step = np.zeros(1, dtype=np.intp), np.zeros(1)
+    whole = likelihood_estimates(t, y[None], weight[None], first, step, math.inf)
+    part = likelihood_estimates(t[kept], y[None, kept], weight[None, kept], first, step, math.inf)
+    assert whole.pattern_p[0] < 1e-6
+    assert whole.steady_high - whole.steady_low == pytest.approx(part.steady_high - part.steady_low, rel=1e-6)

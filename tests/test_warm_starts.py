@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 import thermofast as tf
+from thermofast.estimation import verdicts
 from thermofast.estimation.measured import against_claims, came_loose
 from thermofast.estimation.rules import RULES
 from thermofast.models.uncertainty.companions import went_back
@@ -141,3 +142,46 @@ def test_a_probe_that_comes_off_is_told_with_the_time_to_use():
     assert came_loose(time, np.stack([alone, reading[1]]), np.zeros(2)) == {}
     # Coarse steps are no fall.
     assert came_loose(time, reading, np.full(2, 0.5)) == {}
+
+
+def test_a_part_that_turned_long_ago_is_told_again():
+    """Five times as long after as it went the other way."""
+    reading, limit = machine(300.0, 40.0)
+    assert "it went the other way" in rows(reading, 60)[2].message
+    late = rows(reading, 390)[2]
+    assert "it went the other way" not in late.message
+    assert late.steady_state_lo_c <= limit[2] <= late.steady_state_hi_c
+
+
+def test_a_sensor_that_stands_still_waits_for_the_slowest_of_those_that_move():
+    """The fast ones have settled after an hour, and the slow one between them has not."""
+    time, rng = np.arange(0.0, 61.0), np.random.default_rng(5)
+    curves = {"a": 10.0 * -np.expm1(-time / 6.0), "b": 8.0 * -np.expm1(-time / 7.0), "slow": 12.0 * -np.expm1(-time / 150.0)}
+    columns = {f"{n} degC": 20.0 + c + rng.normal(0.0, 0.02, 61) for n, c in curves.items()}
+    still = 20.0 + rng.normal(0.0, 0.02, 61)
+    row = tf.identify(tf.read({"time_min": time, **columns, "still degC": still}), jobs=1)[3]
+    assert row.status == "not_determined"
+    assert "heat may still be on its way to it" in row.message
+    columns["slow degC"] = 20.0 + 5.0 * -np.expm1(-time / 8.0) + rng.normal(0.0, 0.02, 61)
+    assert "on its way" not in tf.identify(tf.read({"time_min": time, **columns, "still degC": still}), jobs=1)[3].message
+
+
+def test_where_another_one_falls_too_no_probe_is_accused():
+    time = np.arange(0.0, 61.0)
+    rise = 20.0 + 10.0 * -np.expm1(-time / 20.0)
+    off = np.where(time > 30.0, 20.0 + (rise[30] - 20.0) * np.exp(-(time - 30.0) / 1.5), rise)
+    falls = np.where(time > 30.0, 20.0 + (rise[30] - 20.0) * np.exp(-(time - 30.0) / 40.0), rise)
+    noise = np.random.default_rng(7).normal(0.0, 0.02, (3, 61))
+    assert list(came_loose(time, np.stack([off, rise, rise]) + noise, np.zeros(3))) == [0]
+    assert came_loose(time, np.stack([off, falls, rise]) + noise, np.zeros(3)) == {}
+
+
+def test_a_probe_that_came_off_is_in_doubt_whatever_else_is_said(monkeypatch):
+    time = np.arange(0.0, 91.0)
+    run = tf.read(
+        {"time_min": time, "a degC": 20.0 + 8.0 * -np.expm1(-time / 20.0) + np.random.default_rng(1).normal(0.0, 0.02, 91)}
+    )
+    assert tf.identify(run, jobs=1)[0].status == "ok"
+    monkeypatch.setattr(verdicts, "came_loose", lambda *_: {0: "it came off"})
+    row = tf.identify(run, jobs=1)[0]
+    assert (row.status, row.message) == ("model_doubtful", "it came off")
