@@ -438,8 +438,10 @@ def test_exchanged_sensors_are_named_together_and_neither_probe_is_accused():
     rng = np.random.default_rng(6)
 
     def run(name, front="front degC", rear="rear degC"):
-        curves = {front: 12.0 * -np.expm1(-minutes / 25.0), "oil degC": 5.0 * -np.expm1(-minutes / 60.0)}
-        curves[rear] = 2.5 + 8.0 * -np.expm1(-minutes / 40.0)  # in a warm place, where it begins
+        # A part that is warm at once has the law begin higher.
+        quick = 3.0 * -np.expm1(-minutes / 0.8)
+        curves = {front: quick + 9.0 * -np.expm1(-minutes / 25.0), "oil degC": 5.0 * -np.expm1(-minutes / 60.0)}
+        curves[rear] = 8.0 * -np.expm1(-minutes / 40.0)
         return tf.read({"time_min": minutes, **{n: 20.0 + c + rng.normal(0.0, 0.02, 200) for n, c in curves.items()}}, name=name)
 
     for old in (1, 3):
