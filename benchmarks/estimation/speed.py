@@ -161,7 +161,8 @@ def timed(inner):
             spent[0] += time.perf_counter() - begun
     return call
 
-for name in ("decimal_steps", "law_patterns", "likelihoods", "pattern_sums", "profile_decay", "spike_weights", "start_decay"):
+CORE = "decimal_steps law_patterns likelihoods pattern_sums profile_decay spike_weights start_decay"
+for name in CORE.split():
     setattr(kernel, name, timed(getattr(kernel, name)))
 compiled = loop._compiled
 loop._compiled = type("Timed", (), {name: staticmethod(timed(getattr(compiled, name))) for name in ("run", "run_block")})
