@@ -85,19 +85,15 @@ def test_how_far_readings_went_back_and_when_they_turned():
 def test_readings_ahead_that_go_far_beyond_the_limit_contradict_it_whatever_the_band_holds():
     """A band that widens with a room that may move; the limit was said without it."""
     later = np.arange(60.0, 160.0)
-    wide = np.full((3, 100), 5.0)
-    claimed = SimpleNamespace(
-        curves=lambda _: (25.0 - wide, np.full((3, 100), 25.0), 25.0 + wide),
-        steady=np.array([[24.5, 25.0, 25.5], [24.5, 25.0, 25.5], [14.5, 15.0, 15.5]]),
-    )
+    wide = np.full((3, 100), 15.0)
+    claimed = SimpleNamespace(steady=np.array([[24.5, 25.0, 25.5], [24.5, 25.0, 25.5], [14.5, 15.0, 15.5]]))
     found = SimpleNamespace(state=np.array([[24.0, 0, 0], [24.0, 0, 0], [16.0, 0, 0]]), noise=np.full(3, 0.02))
     far, near = 25.0 + 1.2 + 0 * later, 25.0 + 0.9 + 0 * later
     below = 15.0 - 1.2 + 0 * later
     error = np.stack([far, near, below]) - 25.0
     error[0, :50] = np.nan
-    wide += 10.0
-    found_against = against_claims(error, later, np.zeros(1), found, claimed)
-    assert found_against == {0: pytest.approx(1.2), 2: pytest.approx(1.2)}
+    band = 25.0 - wide, np.full((3, 100), 25.0), 25.0 + wide
+    assert against_claims(error, band, found, claimed) == {0: pytest.approx(1.2), 2: pytest.approx(1.2)}
 
 
 def test_a_row_that_later_readings_refute_is_no_ok():

@@ -562,7 +562,7 @@ cdef void refine(Problem* p, Sums* best) noexcept nogil:
             evaluate(p, rate, True, &trial)
             if trial.rss < best.rss:
                 break
-            if fabs(step) <= 5e-10 * scale:
+            if fabs(step) <= 1e-9 * scale:
                 return
             step *= 0.5
         else:
@@ -1164,7 +1164,7 @@ cdef class _Columns:
     def __cinit__(self, Py_ssize_t readings, Py_ssize_t own):
         self.size, self.columns, self.cosines_of = readings + 1, own, 0
         self.at = <double*> malloc((1 + own + COSINES) * self.size * sizeof(double))
-        self.gram = <double*> malloc((own + COSINES + 1) * (own + COSINES + 2) * sizeof(double))
+        self.gram = <double*> malloc((own + COSINES) * (own + COSINES + 1) * sizeof(double))
         if self.at == NULL or self.gram == NULL:
             raise MemoryError()
 
@@ -1186,43 +1186,6 @@ cdef inline double product(const double* a, const double* b, Py_ssize_t n) noexc
     return total(part)
 
 
-cdef inline void four_products(const double* a, const double* b, Py_ssize_t size, Py_ssize_t n, double* out) noexcept nogil:
-    """:func:`product` of a with four columns, `size` apart from each other: a is read once."""
-    cdef double p[LANES]
-    cdef double q[LANES]
-    cdef double r[LANES]
-    cdef double s[LANES]
-    cdef const double* c = b + size
-    cdef const double* d = c + size
-    cdef const double* e = d + size
-    cdef Py_ssize_t i, j, even = n - n % LANES
-    clear(p)
-    clear(q)
-    clear(r)
-    clear(s)
-    for i in range(0, even, 4):
-        for j in range(LANES):
-            p[j] += a[i + j] * b[i + j]
-            q[j] += a[i + j] * c[i + j]
-            r[j] += a[i + j] * d[i + j]
-            s[j] += a[i + j] * e[i + j]
-    for i in range(even, n):
-        p[0] += a[i] * b[i]
-        q[0] += a[i] * c[i]
-        r[0] += a[i] * d[i]
-        s[0] += a[i] * e[i]
-    out[0], out[1], out[2], out[3] = total(p), total(q), total(r), total(s)
-
-
-cdef inline void products(const double* a, const double* b, Py_ssize_t size, Py_ssize_t columns, Py_ssize_t n, double* out) noexcept nogil:
-    """:func:`product` of a with each of so many columns."""
-    cdef Py_ssize_t i, fours = columns - columns % 4
-    for i in range(0, fours, 4):
-        four_products(a, b + i * size, size, n, out + i)
-    for i in range(fours, columns):
-        out[i] = product(a, b + i * size, n)
-
-
 cdef void block_means(double* values, Py_ssize_t n, Py_ssize_t blocks) noexcept nogil:
     """Means of stretches of values (n,), in place."""
     cdef Py_ssize_t i, j, first = 0, last
@@ -1236,20 +1199,19 @@ cdef void block_means(double* values, Py_ssize_t n, Py_ssize_t blocks) noexcept 
         first = last
 
 
-cdef Py_ssize_t pattern_of(_Columns space, Py_ssize_t n, double* out) noexcept nogil:
+cdef void pattern_of(_Columns space, Py_ssize_t n, double* out) noexcept nogil:
     """What cosines explain of a residual (n,) beyond its own columns, its sum of squares, and that of products of neighbours."""
     cdef Py_ssize_t own = space.columns, size = space.size, count, whole, i, j, k
     cdef double* r = space.at
     cdef double* columns = space.at + size
     cdef double* g = space.gram
     cdef double* along
-    cdef double* row
     cdef double* a
     cdef double value, length
     for i in range(3):
         out[i] = NAN
     if n < FEWEST_POINTS:
-        return n
+        return
     if n > MOST_POINTS:
         for i in range(1 + own):
             block_means(space.at + i * size, n, MOST_POINTS)
@@ -1276,13 +1238,12 @@ cdef Py_ssize_t pattern_of(_Columns space, Py_ssize_t n, double* out) noexcept n
             a[k] *= length
     whole = own + count
     along = g + whole * whole
-    row = along + whole
     for i in range(whole):
-        # The residual comes first, then its columns. Cosines are of length 1 and at right angles to each other.
-        products(columns + i * size, r, size, 1 + (i + 1 if i < own else own), n, row)
-        along[i] = row[0]
+        a = columns + i * size
+        along[i] = product(a, r, n)
         for j in range(i + 1):
-            g[i * whole + j] = row[1 + j] if j < own else (1.0 if i == j else 0.0)
+            # Cosines are of length 1 and at right angles to each other.
+            g[i * whole + j] = product(a, columns + j * size, n) if j < own else (1.0 if i == j else 0.0)
         g[i * whole + i] += 1e-11
     # Cholesky's root and the residual's shares along it: what comes after the own columns is what the cosines add.
     out[0] = 0.0
@@ -1295,7 +1256,6 @@ cdef Py_ssize_t pattern_of(_Columns space, Py_ssize_t n, double* out) noexcept n
             out[0] += along[i] * along[i]
     out[1] = product(r, r, n)
     out[2] = product(r + 1, r, n - 1)
-    return n
 
 
 def pattern_sums(const double[:, ::1] residual, const double[:, :, ::1] columns, double[:, ::1] out):

@@ -1,7 +1,6 @@
 """Are residuals noise, or does a pattern remain? And how much does it cost where neighbours are alike."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -66,19 +65,10 @@ def _p_of(sums: Array, n: int, m: int, slack: float = 0.0) -> Array:
 
 def variance_inflations(residual: Array, used: NDArray[np.bool_]) -> Array:
     """:func:`variance_inflation` of each row (S, n), over the readings that are used; nan where none is."""
-    return _over_used(variance_inflation, used, residual)
-
-
-def _over_used(told: Callable[..., Any], used: NDArray[np.bool_], *given: Array) -> Array:
-    """What is told of each row of arrays (S, n, ...) over the readings used (S, n): of rows that are used whole in one call."""
-    whole = used.all(axis=1)
-    if whole.all():
-        return np.asarray(told(*given))
-    found = np.full(len(used), np.nan)
-    if whole.any():
-        found[whole] = told(*(a[whole] for a in given))
+    whole, found = used.all(axis=1), np.full(len(used), np.nan)
+    found[whole] = variance_inflation(residual[whole])  # those that are used whole in one call
     for i in np.flatnonzero(~whole & used.any(axis=1)):
-        found[i] = told(*(a[i][used[i]] for a in given))
+        found[i] = variance_inflation(residual[i, used[i]])
     return found
 
 

@@ -441,16 +441,17 @@ class _Block:
             return ahead, {}
         later = sensors.time[n:]
         kept = (spike_weights(sensors.reading, sensors.resolution)[:, n:] > 0.0) & (later < self.method.jumps_min)
-        curve, moved = found.free_run(later) if claimed is None else claimed.curves(later)[1], np.zeros(1)
-        if claimed is not None:
+        band = None if claimed is None else claimed.curves(later)
+        if claimed is not None and band is not None:
             logged = self.room if self.surroundings is not None else None
-            moved = moved_by_room(self.time_min, logged, claimed.rate[:, 1], float(sensors.time[n - 1]), later)
-            curve = curve + moved
+            curve = band[1] + moved_by_room(self.time_min, logged, claimed.rate[:, 1], float(sensors.time[n - 1]), later)
+        else:
+            curve = found.free_run(later)
         error = np.where(kept & told[:, None], sensors.reading[:, n:] - curve, np.nan)
         told &= (number := np.isfinite(error).sum(axis=1)) > 0
         ahead[told] = np.sqrt(np.nansum(error[told] ** 2, axis=1) / number[told])
-        if claimed is not None:
-            return ahead, against_claims(np.where(told[:, None], error, np.nan), later, moved, found, claimed)
+        if claimed is not None and band is not None:
+            return ahead, against_claims(np.where(told[:, None], error, np.nan), band, found, claimed)
         against, half = {}, found.band_from_tangent(later)
         # The covariance alone costs little; what it finds is looked at again with the curved band of draws.
         for i in np.flatnonzero(told & contradicts(error, half, found.noise)):

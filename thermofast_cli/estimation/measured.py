@@ -170,14 +170,14 @@ def contradiction(residual: Array, half_width: Array, noise: float) -> float | N
     return float(np.abs(residual[outside_band(residual, half_width, noise)]).max())
 
 
-def against_claims(error: Array, later: Array, moved: Array, found: "Estimates", claimed: "Claims") -> dict[int, float]:
+def against_claims(error: Array, band: tuple[Array, Array, Array], found: "Estimates", claimed: "Claims") -> dict[int, float]:
     """By how much [K] readings ahead contradict what was claimed of some sensors.
 
-    error (S, m) [K] of the curve claimed at times `later` (m,) [min], nan for one that does not count; `moved` (S, m) [K] is what a
-    logged room does, which is counted in it. Readings leave the band of the curve, or go on far beyond the interval of the limit,
-    which no approach to it does: what the band has room for there is a room that moves, and the limit was said without it.
+    error (S, m) [K] beside the curve and what a logged room does, nan for a reading that does not count; band (low, middle, high),
+    each (S, m) [degC], as claimed for a room that stays. Readings leave it, or go on far beyond the interval of the limit, which no
+    approach to it does: what the band has room for there is a room that moves, and the limit was said without it.
     """
-    low, curve, high = claimed.curves(later)
+    low, curve, high = band
     half, against = np.where(error > 0.0, high - curve, curve - low), {}
     for k in np.flatnonzero(contradicts(error, half, found.noise, RULES.claimed_factor)).tolist():
         against[k] = float(np.abs(error[k][outside_band(error[k], half[k], found.noise[k], RULES.claimed_factor)]).max())
