@@ -11,7 +11,7 @@ import thermofast as tf
 from benchmarks.intervals.two_masses import machine
 from benchmarks.machines import bar
 from thermofast.analysis.calibration import CANDIDATES, MOST, OTHER_TIMES, PRIOR_RUNS, TURNS, Past, learn, past_run, to_choose
-from thermofast.estimation.identify import Method
+from thermofast.estimation.request import Method
 from thermofast.filters import Afukf
 from thermofast.machine.lab import read_imperfection
 from thermofast.models import Lump

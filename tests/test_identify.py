@@ -10,8 +10,10 @@ from simulator import lump, spindle
 
 import thermofast as tf
 from thermofast.estimation.closing import estimates_at, settling
-from thermofast.estimation.identify import Method, identify_sensors
+from thermofast.estimation.identify import identify_sensors
 from thermofast.estimation.measured import _not_done_before, _to_the_beginning
+from thermofast.estimation.request import Method, Question
+from thermofast.estimation.sensor import Signals
 from thermofast.estimation.sweep import sweep_sensors
 from thermofast.filters import Afukf, FadingUkf, LeastSquares, PrintedAfukf, Ukf
 from thermofast.models import Lump, PrintedLump
@@ -239,7 +241,7 @@ def mixed_block():
 def test_a_block_gives_each_sensor_what_it_gets_alone(kind, until):
     time, y, names = mixed_block()
     method = Method(Lump(), kind(), rates="own")
-    together = [found.record for found in identify_sensors("run", names, time, y, method, until)]
+    together = [found.record for found in identify_sensors(Signals("run", tuple(names), time, y), method, Question(until))]
     for i, record in enumerate(together):
         alone = identify_sensor("run", names[i], time, y[i], method, until).record
         for name, value in vars(alone).items():
@@ -252,7 +254,7 @@ def test_a_block_is_swept_as_each_sensor_alone():
     time, y, names = mixed_block()
     windows, times = (60.0, 120.0), tuple(range(8, 120, 8))
     own = replace(DEFAULT, rates="own")
-    together = sweep_sensors("run", names, time, y, own, windows, times, 0.3)
+    together = sweep_sensors(Signals("run", tuple(names), time, y), own, windows, times, 0.3)
     for i, swept in enumerate(together):
         alone = sweep_sensor("run", names[i], time, y[i], own, windows, times, 0.3)
         assert swept.rmse == pytest.approx(alone.rmse, rel=1e-9, nan_ok=True), names[i]

@@ -13,8 +13,10 @@ from scipy.stats import multivariate_normal, norm
 import thermofast as tf
 from benchmarks.machines import bar, network
 from tests.priors import SMALL_SLOW
-from thermofast.estimation.identify import Method, identify_sensors
+from thermofast.estimation.identify import identify_sensors
 from thermofast.estimation.imperfect import _mark_behind
+from thermofast.estimation.request import Method
+from thermofast.estimation.sensor import Signals
 from thermofast.filters import Afukf
 from thermofast.models import Lump
 from thermofast.models.decay import LOG_TWENTY
@@ -419,7 +421,7 @@ def test_sensors_of_one_exact_law_share_their_rate():
     method = Method(Lump(), Afukf(), imperfection=NONE, rates="shared")
     for _ in range(12):
         y = 17.9 + 9.0 * -np.expm1(-time / 65.0) + 0.02 * rng.standard_normal((10, len(time)))
-        found = identify_sensors("run", [f"T{i}" for i in range(10)], time, y, method)
+        found = identify_sensors(Signals("run", tuple(f"T{i}" for i in range(10)), time, y), method)
         error += [f.record.steady_state_c - 26.9 for f in found]
     assert np.sqrt(np.mean(np.square(error))) < 0.16
 
@@ -428,7 +430,7 @@ def test_a_sensor_that_disagrees_is_left_alone():
     rng, time = np.random.default_rng(6), np.arange(0.0, 90.0, 0.5)
     rates = np.array([1 / 60, 1 / 61, 1 / 15])
     y = 20 + 8 * -np.expm1(-rates[:, None] * time) + 0.02 * rng.standard_normal((3, len(time)))
-    found = [f.record for f in identify_sensors("run", ["A", "B", "C"], time, y, Method(Lump(), Afukf()))]
+    found = [f.record for f in identify_sensors(Signals("run", ("A", "B", "C"), time, y), Method(Lump(), Afukf()))]
     assert [r.rate_shared_with for r in found] == ["B", "A", ""]
     assert [r.rate_per_min for r in found] == pytest.approx(rates, rel=0.1)
 

@@ -149,7 +149,7 @@ def test_luck_seldom_changes_the_filter():
 def test_a_filter_that_cannot_run_says_so_in_the_records_status():
     from dataclasses import dataclass, replace
 
-    from thermofast.estimation.identify import Method
+    from thermofast.estimation.request import Method
     from thermofast.filters import Ukf
 
     @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from lone import identify_sensor
 
 from thermofast.estimation.closing import track_of
 from thermofast.estimation.estimate import FilterError
-from thermofast.estimation.identify import Method
 from thermofast.estimation.measured import contradiction, measured_equilibrium
+from thermofast.estimation.request import Method
 from thermofast.filters import Filter
 from thermofast.models import Lump
 from thermofast.models.imperfection import NONE

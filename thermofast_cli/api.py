@@ -105,28 +105,16 @@ def identify(
     """
     from .machine.lab import read_imperfection
     from .pipeline.methods import choose, paces, stopping_rule
+    from .pipeline.request import Request
     from .pipeline.sensors import from_rise, identify_runs
 
     until, at, room, limit, switch_off_at = in_range(until=until, at=at, room=room, limit=limit, switch_off_at=switch_off_at)
     learnt, prior, texts = model_of(model), read_imperfection(imperfection), setting_texts(filter, settings)
     method = replace(choose(filter, preset, texts, prior, rates), paces=paces(pace))
     started, rule = started_of(runs, start, from_rise(learnt, drive), reading), stopping_rule(criterion)
-    return identify_runs(
-        started,
-        method,
-        until,
-        model=learnt,
-        joint=joint,
-        details=keeps_details(details, started),
-        how=work_of(jobs, executor, progress),
-        at_min=at,
-        room_c=room,
-        drive=drive,
-        auto=auto,
-        criterion=rule,
-        limit_c=limit,
-        switch_off_min=switch_off_at,
-    )
+    detailed = keeps_details(details, started)
+    request = Request(until, at, room, rule, limit, switch_off_at, learnt, drive, auto=auto, joint=joint, details=detailed)
+    return identify_runs(started, method, request, work_of(jobs, executor, progress))
 
 
 @checked

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import thermofast as tf
-from thermofast.estimation.identify import Method
+from thermofast.estimation.request import Method
+from thermofast.estimation.sensor import Signals
 from thermofast.estimation.sweep import sweep_sensors
 from thermofast.filters.fading import Context, PrintedFading
 from thermofast.filters.moments import SymmetricPoints
@@ -135,7 +136,7 @@ def _method(name: str) -> Method:
 
 
 def _swept(reading: Array, windows: tuple[float, ...], times: Array, name: str = "afukf") -> Array:
-    return sweep_sensors("r", ("T5",), MINUTES, reading[None], _method(name), windows, tuple(times.tolist()), 0.1)[0].rmse
+    return sweep_sensors(Signals("r", ("T5",), MINUTES, reading[None]), _method(name), windows, tuple(times.tolist()), 0.1)[0].rmse
 
 
 def numbers(draws: int, noise: float) -> Iterator[str]:

@@ -15,8 +15,10 @@ from thermofast.models import t_quantile
 from thermofast.models.imperfection import TYPICAL, Imperfection
 
 from ..errors import rounded
-from ..estimation.identify import Method, identify_sensors
+from ..estimation.identify import identify_sensors
 from ..estimation.measured import moved_by_room
+from ..estimation.request import Method, Question
+from ..estimation.sensor import Signals
 from ..records import CalibrateRecord, IdentifyRecord
 from ..workers.engine import Started
 
@@ -89,10 +91,10 @@ def to_choose(runs: int) -> tuple[Imperfection, ...]:
 def past_run(started: Started, method: Method, priors: Sequence[Imperfection] = CANDIDATES) -> Past | str:
     """A run as it was foretold at each turn under each prior, or why it cannot be used."""
     run, start = started
-    minutes, channels = run.time_s / 60.0, tuple(run.channels)
-    values = np.stack([run.channels[c] for c in channels])
+    signals = Signals.of(run, start)
+    minutes, channels, values = signals.time_min, signals.channels, signals.values
     # The bare law's rate is wrong on just those runs that have most to teach.
-    whole = identify_sensors(run.name, channels, minutes, values, method, None, start).records
+    whole = identify_sensors(replace(signals, room=None), method).records
     rates = [r.rate_per_min for r in whole if r.rate_per_min is not None and r.status in ("ok", "model_doubtful")]
     if not rates:
         return "no sensor of it shows where it settles"
@@ -109,7 +111,7 @@ def past_run(started: Started, method: Method, priors: Sequence[Imperfection] = 
         of_prior = replace(method, imperfection=prior)
         for t, turn in enumerate(TURNS):
             until = start + turn * tau
-            found = identify_sensors(run.name, channels, minutes, values, of_prior, until, start, at_min=at, room=run.room)
+            found = identify_sensors(signals, of_prior, Question(until, at))
             told = [r if r.status != "not_determined" else None for r in found.records]
             ahead = start + at - until
             if run.room is not None and ahead >= APART * tau:

@@ -24,7 +24,7 @@ from ..discovery.loop import LoopTask, failure_records, in_order, ready, refused
 from ..errors import ThermofastError
 from ..estimation.closing import estimate_at, track_of
 from ..estimation.estimate import Estimate, FilterError
-from ..estimation.identify import Method
+from ..estimation.request import Method
 from ..estimation.sensor import Sensor, prepare, refusal
 from ..machine.learnt import carry
 from ..machine.modelfile import ModelFile

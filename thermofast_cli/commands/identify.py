@@ -1,6 +1,5 @@
 """``thermofast identify``."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -26,7 +25,7 @@ from ..shell.options import (
 if TYPE_CHECKING:
     from thermofast.models.imperfection import Rates
 
-    from ..results import Identification
+    from ..pipeline.request import Request
     from ..shell.batch import Batch
 
 
@@ -111,6 +110,7 @@ def command(
     from ..output.files import write_table
     from ..output.screen import say
     from ..pipeline.methods import choose, paces, stopping_rule
+    from ..pipeline.request import Request
     from ..pipeline.sensors import from_rise, identify_runs
     from ..records import TRACE_COLUMNS, IdentifyRecord
     from ..shell.session import draw, load_imperfection, load_model
@@ -120,20 +120,19 @@ def command(
     if plot_trace and not batch.save_plot:
         raise UsageError("--plot-trace adds to a picture", do="say where with --save-plot FILE.png")
     learnt, rule = load_model(model, extra), stopping_rule(criterion)
-    asked: dict[str, Any] = {"at_min": at, "room_c": room, "criterion": rule, "limit_c": limit, "switch_off_min": switch_off_at}
-    more = {"model": learnt, "joint": joint, "drive": drive, "auto": auto, **asked}
-    work: Callable[..., Identification] = partial(identify_runs, method=method, until_min=until, **more)
-    work([])  # wrong options are told before reading
-    parted = 0 if learnt or drive or auto or joint or rule else GROUP
+    request = Request(until, at, room, rule, limit, switch_off_at, learnt, drive, auto=auto, joint=joint)
+    request.check(method)  # wrong options are told before reading
+    parted, work = 0 if request.of_whole_runs else GROUP, partial(identify_runs, method=method, request=request)
     analysis = Analysis("identify", IdentifyRecord, work, parted, {"filter": filter_name}, from_rise=from_rise(learnt, drive))
     if batch.is_archive:
         return batch.archive(analysis)
     readings = batch.read(trace, from_rise=analysis.from_rise, search=auto or learnt is not None)
     with batch.working(readings, readings.sensors, "sensors") as how:
-        result = work(readings.runs, details=bool(trace) or batch.wants_details, how=how)
+        detailed = replace(request, details=bool(trace) or batch.wants_details)
+        result = identify_runs(readings.runs, method, detailed, how)
     for sentence in in_words(result.records) if rule and not batch.quiet else ():
         say(sentence)
-    code = batch.tell(result, readings, _drawn(**asked), filter=filter_name)
+    code = batch.tell(result, readings, _drawn(request), filter=filter_name)
     if trace:
         write_table(trace, "trace", TRACE_COLUMNS, result.trace_rows())
     draw(result, batch.save_plot, trace=plot_trace)
@@ -145,9 +144,7 @@ def _share_unseen(row: dict[str, Any]) -> str:
     return str(row["unseen"]).rpartition("up to ")[2].replace(" of the rise", "") if row["unseen"] else "-"
 
 
-def _drawn(
-    at_min: float | None, room_c: float | None, criterion: Any, limit_c: float | None, switch_off_min: float | None
-) -> list[Any]:
+def _drawn(request: "Request") -> list[Any]:
     """The columns of a drawn table: those of every sensor, and of what was asked for."""
     from ..output.screen import interval, number, text
 
@@ -163,14 +160,14 @@ def _drawn(
         ("ahead K", number("rmse_ahead_c", 3)),
         ("unseen, up to", _share_unseen),
     ]
-    if at_min is not None:
-        drawn[4:4] = [(f"at {at_min:g} min", number("at_c")), ("95 % interval", interval("at_lo_c", "at_hi_c"))]
-    if room_c is not None:
+    if request.at_min is not None:
+        drawn[4:4] = [(f"at {request.at_min:g} min", number("at_c")), ("95 % interval", interval("at_lo_c", "at_hi_c"))]
+    if request.room_c is not None:
         drawn[3:3] = [
-            (f"in {room_c:g} degC", number("room_steady_c")),
+            (f"in {request.room_c:g} degC", number("room_steady_c")),
             ("95 % interval", interval("room_steady_lo_c", "room_steady_hi_c")),
         ]
-    if criterion is not None:
+    if request.criterion is not None:
         drawn += [
             ("rule holds min", number("trip_min", 1)),
             ("95 % interval", interval("trip_lo_min", "trip_hi_min", 1)),
@@ -179,13 +176,13 @@ def _drawn(
             ("95 % interval", interval("missing_lo_k", "missing_hi_k")),
             ("three-point degC", number("three_point_c")),
         ]
-    if limit_c is not None:
+    if request.limit_c is not None:
         drawn += [
-            (f"K below {limit_c:g} degC", number("margin_k")),
+            (f"K below {request.limit_c:g} degC", number("margin_k")),
             ("95 % interval", interval("margin_lo_k", "margin_hi_k")),
             ("chance above", number("over_limit_p", 3)),
         ]
-    if switch_off_min is not None:
+    if request.switch_off_min is not None:
         drawn += [
             ("at switch-off", number("switch_off_c")),
             ("95 % interval", interval("switch_off_lo_c", "switch_off_hi_c")),

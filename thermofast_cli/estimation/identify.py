@@ -9,18 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.filters import Afukf, Filter, Track, Tracks
-from thermofast.models import PrintedLump, spike_weights
-from thermofast.models.imperfection import TYPICAL, Imperfection, Past, Rates, room_at_end
+from thermofast.filters import Afukf, Track, Tracks
+from thermofast.models import spike_weights
+from thermofast.models.imperfection import room_at_end
 from thermofast.models.search.logged import follows_machine
-from thermofast.models.uncertainty.first_passage import Pace
 
 from ..output.columns import Column, Records, Same, numbers_of
 from ..records import IdentifyRecord
-from ..standards.stopping import Rule, Trips, columns_of, trips_of
+from ..standards.stopping import Trips, columns_of, trips_of
 from .closing import estimates_of, track_of, tracks_of, tracks_together
 from .curves import Curves, curves_of, drawn_to, trace_columns
-from .estimate import Claims, Estimates, FilterError, Model, lost, remaining, said_of_slow, times_asked
+from .estimate import Claims, Estimates, FilterError, lost, remaining, said_of_slow, times_asked
 from .imperfect import Closed, claims, together_of, why_let_go, without_past
 from .measured import (
     against_claims,
@@ -36,40 +35,12 @@ from .measured import (
     until_then,
     with_claims,
 )
+from .request import EVERYTHING, Method, Question
 from .rules import RULES
-from .sensor import Sensors, prepare_all, refusal
+from .sensor import Sensors, Signals, prepare_all, refusal
 from .verdicts import claimed_verdicts, law_verdicts
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Method:
-    """What every sensor of a run is treated with.
-
-    paces: how the rate will change after the last reading used; imperfection: how far the machine may leave the law; rates: what
-    sensors tell each other; past: what complete runs say; changed_min, jumps_min: when what is logged jumped before, and after.
-    """
-
-    model: Model
-    filter: Filter
-    paces: tuple[Pace, ...] = ()
-    imperfection: Imperfection = TYPICAL
-    rates: Rates = "auto"
-    past: Past | None = None
-    changed_min: float | None = None
-    jumps_min: float = np.inf
-
-    @property
-    def widens(self) -> bool:
-        """Whether the closing estimate counts the machine: not with the bare law, and not for a filter whose own state stands."""
-        exact = self.imperfection.none and self.rates == "own" and self.past is None
-        return not exact and self.filter.closing != "never" and not isinstance(self.model, PrintedLump)
-
-    @property
-    def steadies(self) -> bool:
-        """Whether a swing that goes on all the time is taken out: not where a model of the machine foretells its rise."""
-        return self.widens and not self.imperfection.none and not (self.past is not None and self.past.rises)
 
 
 @dataclass(frozen=True)
@@ -122,69 +93,63 @@ class Found(Sequence[Identified]):
         return Identified(self.records[key], *(self.details[key] if self.details else ()))
 
 
-def identify_sensors(
-    run: str,
-    channels: Sequence[str],
-    time_min: Array,
-    values: Array,
-    method: Method,
-    until_min: float | None = None,
-    start_min: float = 0.0,
-    *,
-    notes: Sequence[str] = (),
-    want_trace: bool = False,
-    together: bool = False,
-    at_min: float | None = None,
-    room: Array | None = None,
-    room_c: float | None = None,
-    rule: Rule | None = None,
-) -> Found:
-    """Records of S sensors from their readings values (S, N) [degC], nan for none, at time_min (N,).
+def identify_sensors(signals: Signals, method: Method, question: Question = EVERYTHING) -> Found:
+    """Records of S sensors from their readings.
 
-    Trouble with a sensor is a status in its record, never an exception. ``together``: one adaptive fading filter over all of them.
-    at_min: when a temperature is asked for [min after the start]; room (N,) [degC]: the surroundings where they are logged.
-    room_c [degC]: a room for which the steady state is asked for too; rule: a stopping rule.
+    Trouble with a sensor is a status in its record, never an exception.
 
     Raises
     ------
-    TypeError: together, and the filter is not the AFUKF.
+    TypeError: one filter over all sensors is asked for, and the filter is not the AFUKF.
     """
-    if together and not isinstance(method.filter, Afukf):
+    if question.together and not isinstance(method.filter, Afukf):
         raise TypeError(f"one filter over all sensors is the AFUKF, not {method.filter.name}")
-    name = f"{method.filter.name} (joint)" if together else method.filter.name
-    notes = tuple(notes) or ("",) * len(channels)
-    refused_rows: list[int] = []
-    refused_ones: list[Identified] = []
-    blocks: list[Sensors] = []
-    for block in prepare_all(time_min, values, start_min):
-        keep = np.ones(len(block), dtype=bool)
-        for i in block.maybe_refused(until_min, RULES.fewest_readings):
-            row, refused = block.rows[i], refusal(block.one(i), until_min, start_min)
-            if refused is not None:
-                status, why, samples = refused
-                message = _joined([why, notes[row]])
-                record = IdentifyRecord(run, channels[row], name, until_min, samples, start_min, status=status, message=message)
-                refused_rows.append(int(row))
-                refused_ones.append(Identified(record))
-                keep[i] = False
-        if keep.any():
-            block = block if keep.all() else block.some(keep)
-            logged = room_at(time_min, room, block.time, float(block.time[block.until(until_min) - 1]))
-            told, goes_on = (until_min, together_of(method.rates)), method.past is not None and method.past.cycles
-            blocks.append(steadied(block, *told, logged) if method.steadies else swinging(block, *told) if goes_on else block)
-    shared = (
-        tracks_together(method.model, method.filter, blocks, until_min) if isinstance(method.filter, Afukf) and together else {}
-    )
-    of_all: dict[str, Any] = {"run": run, "channels": channels, "filter": name, "method": method, "time_min": time_min}
-    of_all |= {"until_min": until_min, "start_min": start_min, "notes": notes, "want_trace": want_trace, "room": room}
-    jobs = [_Block(sensors=b, at_min=at_min, room_c=room_c, rule=rule, **of_all) for b in blocks]
+    blocks, refused = _prepared(signals, method, question)
+    shared: dict[int, Track] = {}
+    if question.together and isinstance(method.filter, Afukf):
+        shared = tracks_together(method.model, method.filter, blocks, question.until_min)
+    jobs = [_Block(signals, method, question, block) for block in blocks]
     opened = [job.opened(shared) for job in jobs]
     claimed = _claims(jobs, opened, method)
     parts = [job.identified(o, c) for job, o, c in zip(jobs, opened, claimed, strict=True)]
-    whole = Found.joined([*parts, refused_ones])
-    rows = np.concatenate([*(b.rows for b in blocks), np.array(refused_rows, dtype=np.intp)])
+    whole = Found.joined([*parts, list(refused.values())])
+    rows = np.concatenate([*(b.rows for b in blocks), np.array(list(refused), dtype=np.intp)])
     order = np.argsort(rows)
     return whole if np.array_equal(order, np.arange(len(order))) else whole.taken(order)
+
+
+def _filter_name(method: Method, question: Question) -> str:
+    return f"{method.filter.name} (joint)" if question.together else method.filter.name
+
+
+def _prepared(signals: Signals, method: Method, question: Question) -> tuple[list[Sensors], dict[int, Identified]]:
+    """The sensors made ready, those with the same times together; and by row those in which there is nothing to identify."""
+    until, blocks, refused = question.until_min, [], {}
+    for block in prepare_all(signals.time_min, signals.values, signals.start_min):
+        keep = np.ones(len(block), dtype=bool)
+        for i in block.maybe_refused(until, RULES.fewest_readings):
+            why = refusal(block.one(i), until, signals.start_min)
+            if why is not None:
+                refused[int(block.rows[i])] = _refused(signals, method, question, int(block.rows[i]), *why)
+                keep[i] = False
+        if keep.any():
+            block = block if keep.all() else block.some(keep)
+            blocks.append(_without_swing(block, signals, method, until))
+    return blocks, refused
+
+
+def _refused(signals: Signals, method: Method, question: Question, row: int, status: str, why: str, samples: int) -> Identified:
+    told = signals.run, signals.channels[row], _filter_name(method, question), question.until_min, samples, signals.start_min
+    return Identified(IdentifyRecord(*told, status=status, message=_joined([why, signals.note(row)])))
+
+
+def _without_swing(block: Sensors, signals: Signals, method: Method, until_min: float | None) -> Sensors:
+    """Sensors without a swing that goes on all the time, or with it where a model of the machine foretells it."""
+    told = until_min, together_of(method.rates)
+    if method.steadies:
+        last = float(block.time[block.until(until_min) - 1])
+        return steadied(block, *told, room_at(signals.time_min, signals.room, block.time, last))
+    return swinging(block, *told) if method.past is not None and method.past.cycles else block
 
 
 @dataclass(frozen=True)
@@ -209,45 +174,35 @@ def _claims(jobs: Sequence["_Block"], opened: Sequence[_Opened], method: Method)
         assert found is not None
         usable = np.array([k not in opened[i].broken for k in range(len(job.sensors))])
         closed.append(Closed(job.sensors, job.count, found, usable, job.surroundings))
-        if job.want_trace:
+        if job.question.details:
             begin, end = float(job.sensors.time[0]), float(job.sensors.time[-1])
             if job.count == len(job.sensors.time):
                 end = drawn_to(begin, end, float(np.nanmax(np.append(found.t95, 0.0))))
             drawn = (begin, end) if drawn is None else (min(drawn[0], begin), max(drawn[1], end))
-    first = jobs[live[0]]
-    at_min = None if first.at_min is None else first.at_min + first.start_min
-    end = float(first.time_min[-1])
-    last = end if first.until_min is None else min(first.until_min, end)
+    signals, question = jobs[0].signals, jobs[0].question
+    at_min = None if question.at_min is None else question.at_min + signals.start_min
+    end = float(signals.time_min[-1])
+    last = end if question.until_min is None else min(question.until_min, end)
     times = times_asked(last, end, at_min, drawn, bool(method.past and method.past.rises))
     given = method.imperfection, method.rates
-    found_all = claims(closed, times, *given, lambda row: first.channels[row], method.past, first.rule)
+    found_all = claims(closed, times, *given, lambda row: signals.channels[row], method.past, question.rule)
     for i, one in zip(live, found_all, strict=True):
         claimed[i] = one
     return claimed
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Block:
     """Sensors of one run on one grid, on their way from readings to records."""
 
-    run: str
-    channels: Sequence[str]
-    filter: str
+    signals: Signals
     method: Method
+    question: Question
     sensors: Sensors
-    until_min: float | None
-    start_min: float
-    time_min: Array
-    notes: Sequence[str]
-    want_trace: bool
-    at_min: float | None
-    room: Array | None
-    room_c: float | None
-    rule: Rule | None
 
     @property
     def count(self) -> int:
-        return self.sensors.until(self.until_min)
+        return self.sensors.until(self.question.until_min)
 
     @cached_property
     def surroundings(self) -> Array | None:
@@ -258,7 +213,7 @@ class _Block:
     @cached_property
     def logged(self) -> Array | None:
         """The room as logged at the sensors' times (N,) [degC]; None where that is too little."""
-        return room_at(self.time_min, self.room, self.sensors.time, float(self.sensors.time[self.count - 1]))
+        return room_at(self.signals.time_min, self.signals.room, self.sensors.time, float(self.sensors.time[self.count - 1]))
 
     def opened(self, shared: dict[int, Track]) -> _Opened:
         """Filter and likelihood of every sensor; `shared` holds the tracks by row where one filter has run over all."""
@@ -276,7 +231,7 @@ class _Block:
         if opened.tracks is None or opened.found is None:
             return Found.of([Identified(self._diverged(i, opened.broken[i])) for i in range(len(self.sensors))])
         records = self._records(opened.found, opened.tracks, opened.broken, claimed)
-        if not self.want_trace:
+        if not self.question.details:
             return Found(records)
         found, single = opened.found, opened.single
         details = [
@@ -296,7 +251,7 @@ class _Block:
                 known[i] = track_of(method.filter, method.model, time, reading[i], float(sensors.resolution[i]))
             return known[i]
 
-        if not known and not self.want_trace:
+        if not known and not self.question.details:
             tracks = tracks_of(method.filter, method.model, time, reading, sensors.resolution)
             if tracks is not None:
                 return tracks, single, {}
@@ -316,37 +271,18 @@ class _Block:
         return f"the filter diverged at reading {k + 1}, {self.sensors.time[k]:.4g} min"
 
     def _diverged(self, i: int, why: str) -> IdentifyRecord:
-        row = self.sensors.rows[i]
-        told = self.run, self.channels[row], self.filter, self.until_min, self.count, self.start_min
-        return IdentifyRecord(*told, status="diverged", message=_joined([why, self.notes[row]]))
+        found = _refused(self.signals, self.method, self.question, int(self.sensors.rows[i]), "diverged", why, self.count)
+        return found.record
 
     def _records(self, law: Estimates, tracks: Tracks, broken: dict[int, str], claimed: Claims | None) -> Records:
-        sensors, n = self.sensors, self.count
+        sensors, signals, n = self.sensors, self.signals, self.count
         ahead, against = self._ahead(law, claimed)
+        found, back, status, messages = self._judged(law, tracks, claimed, against)
         steady, settled = measured_equilibria(sensors.time, sensors.reading, sensors.resolution, getattr(claimed, "behind", None))
-        until_used = float(sensors.time[n - 1])
-        if claimed is None:
-            found, (status, messages) = law, law_verdicts(law, tracks, sensors, against, until_used)
-        else:
-            back = comes_back(law, claimed.steady[:, 1], sensors)
-            found = with_claims(law, claimed, sensors, back)
-            known = self.method.past, self.method.changed_min
-            status, messages = claimed_verdicts(found, claimed, tracks, sensors, against, until_used, back, *known)
-        late = max(float(sensors.time[0]) - self.start_min, 0.0)  # of sensors whose readings begin after the others'
-        last, silent = counted_to(sensors.time[:n], self.time_min, self.until_min, self.start_min)
-        elapsed = max(last - self.start_min - late, 0.0)
-        to_go = [np.maximum(side - elapsed, 0.0) for side in (found.t95, found.t95_low, found.t95_high)]
-        faded = found.faded if claimed is None else np.zeros_like(found.faded)
-        for k in np.flatnonzero(faded if not self.method.paces else np.isfinite(found.t95)).tolist():
-            left = remaining(found.one(k), elapsed, self.method.paces)
-            for side, value in zip(to_go, (left.median, left.low, left.high), strict=True):
-                side[k] = math.nan if value is None else max(value, 0.0)
-        for side in to_go:
-            side[np.isnan(found.t95)] = math.nan
+        late = max(float(sensors.time[0]) - signals.start_min, 0.0)  # of sensors whose readings begin after the others'
+        last, silent = counted_to(sensors.time[:n], signals.time_min, self.question.until_min, signals.start_min)
         at, of_room = self._at(claimed, found)
-        room = None if self.surroundings is None else room_at_end(sensors.time[:n], self.surroundings[:n])
-        gain_doubt = self.method.imperfection.background.logged
-        there, far = in_room((found.steady_low, found.steady_state, found.steady_high), room, self.room_c, gain_doubt)
+        there, far = self._in_room(found)
         numbers = {
             "initial_c": found.initial,
             "steady_state_c": found.steady_state,
@@ -358,9 +294,7 @@ class _Block:
             "t95_lo_min": late + found.t95_low,
             "t95_hi_min": late + found.t95_high,
             "t95_measured_min": late + settled,
-            "time_to_go_min": to_go[0],
-            "time_to_go_lo_min": to_go[1],
-            "time_to_go_hi_min": to_go[2],
+            **self._to_go(found, max(last - signals.start_min - late, 0.0), claimed is None),
             "rate_per_min": found.rate,
             "noise_c": found.noise,
             "rmse_fit_c": found.misfit,
@@ -369,30 +303,74 @@ class _Block:
             **(at | there),
         }
         tripped = self._trips(found, claimed)
-        if tripped is not None and self.rule is not None:
+        if tripped is not None:
             numbers |= columns_of(tripped)
-        until = self.until_min if self.until_min is not None else float(self.time_min[-1] - self.time_min[0])
         whole = np.array([i not in broken for i in range(len(sensors))])
         columns: dict[str, Column] = {name: numbers_of(np.where(whole, column, np.nan)) for name, column in numbers.items()}
-        if tripped is not None and self.rule is not None:
-            from_ = ["readings" if seen else "prediction" for seen in tripped.seen]
-            trip = np.isfinite(numbers["trip_min"]) & whole
-            columns["criterion"] = [self.rule.criterion.text if w else "" for w in whole]
-            columns["trip_from"] = [said if t else "" for said, t in zip(from_, trip, strict=True)]
+        if tripped is not None:
+            columns |= self._of_rule(tripped, np.isfinite(numbers["trip_min"]), whole)
         if claimed is not None:
             rise = np.where(back, np.nan, found.steady_state - found.initial).tolist()
             columns["unseen"] = [said_of_slow(claimed, i, rise[i]) if whole[i] else "" for i in range(len(sensors))]
             columns["rate_shared_with"] = [with_ if w else "" for with_, w in zip(claimed.shared_with, whole, strict=True)]
         said = [self._said(i, (*messages.get(i, ()), *silent, *of_room, *far), claimed, tripped) for i in range(len(sensors))]
         for i, why in broken.items():
-            status[i], said[i] = "diverged", _joined([why, self.notes[sensors.rows[i]]])
-        told: dict[str, Column] = {"run": Same(self.run), "channel": [self.channels[row] for row in sensors.rows.tolist()]}
-        told |= {"filter": Same(self.filter), "until_min": Same(until), "samples": Same(n), "start_min": Same(self.start_min)}
-        return Records(IdentifyRecord, len(sensors), {**told, **columns, "status": status, "message": said})
+            status[i], said[i] = "diverged", _joined([why, signals.note(sensors.rows[i])])
+        return Records(IdentifyRecord, len(sensors), {**self._named(), **columns, "status": status, "message": said})
+
+    def _judged(
+        self, law: Estimates, tracks: Tracks, claimed: Claims | None, against: dict[int, float]
+    ) -> tuple[Estimates, NDArray[np.bool_], list[str], dict[int, list[str]]]:
+        """What is found of each sensor, which of them come back to where they began, status, and what is said of the numbers."""
+        sensors, until_used = self.sensors, float(self.sensors.time[self.count - 1])
+        if claimed is None:
+            return law, np.zeros(len(sensors), dtype=bool), *law_verdicts(law, tracks, sensors, against, until_used)
+        back = comes_back(law, claimed.steady[:, 1], sensors)
+        found, known = with_claims(law, claimed, sensors, back), (self.method.past, self.method.changed_min)
+        return found, back, *claimed_verdicts(found, claimed, tracks, sensors, against, until_used, back, *known)
+
+    def _to_go(self, found: Estimates, elapsed: float, by_law: bool) -> dict[str, Array]:
+        """Minutes (S,) from the last reading until 95 % of the rise are there, with their interval; `elapsed` [min] are gone."""
+        to_go = [np.maximum(side - elapsed, 0.0) for side in (found.t95, found.t95_low, found.t95_high)]
+        counted = np.isfinite(found.t95) if self.method.paces else found.faded & by_law
+        for k in np.flatnonzero(counted).tolist():
+            left = remaining(found.one(k), elapsed, self.method.paces)
+            for side, value in zip(to_go, (left.median, left.low, left.high), strict=True):
+                side[k] = math.nan if value is None else max(value, 0.0)
+        for side in to_go:
+            side[np.isnan(found.t95)] = math.nan
+        return dict(zip(("time_to_go_min", "time_to_go_lo_min", "time_to_go_hi_min"), to_go, strict=True))
+
+    def _in_room(self, found: Estimates) -> tuple[dict[str, Array], tuple[str, ...]]:
+        """Where each settles in the room that is asked for, and what there is to know of that."""
+        n, steady = self.count, (found.steady_low, found.steady_state, found.steady_high)
+        room = None if self.surroundings is None else room_at_end(self.sensors.time[:n], self.surroundings[:n])
+        return in_room(steady, room, self.question.room_c, self.method.imperfection.background.logged)
+
+    def _of_rule(self, tripped: Trips, trip: NDArray[np.bool_], whole: NDArray[np.bool_]) -> dict[str, Column]:
+        """The stopping rule that was asked for, and whether readings or a prediction told when it holds."""
+        assert self.question.rule is not None
+        text, from_ = self.question.rule.criterion.text, ["readings" if seen else "prediction" for seen in tripped.seen]
+        return {
+            "criterion": [text if w else "" for w in whole],
+            "trip_from": [said if t else "" for said, t in zip(from_, trip & whole, strict=True)],
+        }
+
+    def _named(self) -> dict[str, Column]:
+        """What every row says of which sensor was identified with what, and from which readings."""
+        signals, until = self.signals, self.question.until_min
+        return {
+            "run": Same(signals.run),
+            "channel": [signals.channels[row] for row in self.sensors.rows.tolist()],
+            "filter": Same(_filter_name(self.method, self.question)),
+            "until_min": Same(float(signals.time_min[-1] - signals.time_min[0]) if until is None else until),
+            "samples": Same(self.count),
+            "start_min": Same(signals.start_min),
+        }
 
     def _said(self, i: int, about_numbers: Sequence[str], claimed: Claims | None, tripped: Trips | None) -> str:
         """What a sensor's row says in words: of its numbers, its readings, and of how it was read."""
-        noted = self.notes[self.sensors.rows[i]]
+        noted = self.signals.note(self.sensors.rows[i])
         if claimed is None and tripped is None and not (about_numbers or noted or self.sensors.notes[i]):
             return ""
         let_go, about = claimed is not None and bool(claimed.let_go[i]), noted.split("; ") if noted else []
@@ -401,9 +379,10 @@ class _Block:
         if let_go:
             said.insert(0, why_let_go(self.method.past, float(np.ptp(self.sensors.time[: self.count]))))
         if claimed is not None:
-            if self.room_c is not None and self.room is None and (self.method.past is None or self.method.past.guessed):
+            past, unlogged = self.method.past, self.signals.room is None
+            if self.question.room_c is not None and unlogged and (past is None or past.guessed):
                 said.append("--room needs a column of the surroundings, and there is none")
-            if self.room is not None and self.surroundings is None:
+            if self.signals.room is not None and self.surroundings is None:
                 moves = "move with the machine" if self.logged is not None else "are logged for too little of the time used"
                 said.append(f"the logged surroundings {moves} and are not used")
         return _joined(said)
@@ -411,26 +390,28 @@ class _Block:
     def _at(self, claimed: Claims | None, found: Estimates) -> tuple[dict[str, Array], tuple[str, ...]]:
         """Time, temperature and its interval at the time asked for; and what the room may do until then, in words."""
         said: tuple[str, ...] = ()
-        at = np.full((len(self.sensors), 3), np.nan)
-        time = (self.at_min or 0.0) + self.start_min
-        if self.at_min is not None and claimed is not None:
+        asked, at = self.question.at_min, np.full((len(self.sensors), 3), np.nan)
+        time = (asked or 0.0) + self.signals.start_min
+        if asked is not None and claimed is not None:
             at = claimed.at[:, int(np.abs(claimed.times - time).argmin())] + self.sensors.swing_ends(time)
             if self.surroundings is not None:
                 then, room = self.sensors.time[: self.count], self.surroundings[: self.count]
                 at, said = until_then(at, then, room, claimed.rate[:, 1], time, self.method.imperfection.background.logged)
-        elif self.at_min is not None:
+        elif asked is not None:
             middle, half = (of(np.array([time]))[:, 0] for of in (found.free_run, found.band_from_tangent))
             at = np.stack([middle - half, middle, middle + half], axis=1)
-        named = np.full(len(at), np.nan if self.at_min is None else self.at_min)
+        named = np.full(len(at), np.nan if asked is None else asked)
         return {"at_min": named, "at_c": at[:, 1], "at_lo_c": at[:, 0], "at_hi_c": at[:, 2]}, said
 
     def _trips(self, found: Estimates, claimed: Claims | None) -> Trips | None:
         """When the stopping rule asked for holds: on the readings used, else foretold."""
-        if self.rule is None:
+        rule, sensors, n = self.question.rule, self.sensors, self.count
+        if rule is None:
             return None
-        n, room, steady = self.count, self.surroundings, np.stack([found.steady_low, found.steady_state, found.steady_high], axis=1)
+        steady = np.stack([found.steady_low, found.steady_state, found.steady_high], axis=1)
         foretold = (claimed.trips, claimed.missing, claimed.hidden) if claimed is not None else None
-        return trips_of(self.rule, self.sensors.time[:n], self.sensors.reading[:, :n], steady, self.start_min, foretold, room)
+        used = sensors.time[:n], sensors.reading[:, :n]
+        return trips_of(rule, *used, steady, self.signals.start_min, foretold, self.surroundings)
 
     def _ahead(self, found: Estimates, claimed: Claims | None) -> tuple[Array, dict[int, float]]:
         """RMS error [K] (S,) on the readings ahead, and by how much [K] those of some sensors contradict what was said of them."""
@@ -443,8 +424,8 @@ class _Block:
         kept = (spike_weights(sensors.reading, sensors.resolution)[:, n:] > 0.0) & (later < self.method.jumps_min)
         band = None if claimed is None else claimed.curves(later)
         if claimed is not None and band is not None:
-            logged = self.room if self.surroundings is not None else None
-            curve = band[1] + moved_by_room(self.time_min, logged, claimed.rate[:, 1], float(sensors.time[n - 1]), later)
+            logged = self.signals.room if self.surroundings is not None else None
+            curve = band[1] + moved_by_room(self.signals.time_min, logged, claimed.rate[:, 1], float(sensors.time[n - 1]), later)
         else:
             curve = found.free_run(later)
         error = np.where(kept & told[:, None], sensors.reading[:, n:] - curve, np.nan)
@@ -468,7 +449,7 @@ class _Block:
         sensor, n = self.sensors.one(i), self.count
         trace = trace_columns(self.method.model, single(i), sensor.time[:n], sensor.reading[:n])
         room = float(self.surroundings[n - 1]) if self.surroundings is not None else None
-        given = replace(sensor, reading=self.sensors.measured(i)), found.one(i), trace, n, self.until_min, claimed, i, room
+        given = replace(sensor, reading=self.sensors.measured(i)), found.one(i), trace, n, self.question.until_min, claimed, i, room
         return trace, curves_of(record, *given)
 
 

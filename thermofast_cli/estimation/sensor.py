@@ -1,7 +1,9 @@
-"""One sensor's record made ready for a filter: its readings, the logger's step, what was left out and why."""
+"""Sensors' readings as they are handed over, and made ready for a filter: the logger's step, what was left out and why."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +12,9 @@ from thermofast.models import difference_noise, third_difference_noise
 from thermofast.models.noise.spikes import logger_step, logger_steps
 
 from .rules import RULES
+
+if TYPE_CHECKING:
+    from ..reading import Run
 
 Array = NDArray[np.float64]
 
@@ -22,6 +27,50 @@ LONGER = 1.5
 BEFORE, BEHIND = 30, 15
 #: Deviations of a mean of neighbours by which a rise that begins late must leave the stillness before it.
 PLAIN = 30.0
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Readings of S sensors of one run as they were read: values (S, N) [degC], nan for none, at time_min (N,).
+
+    start_min: when the rise begins, on the same clock; notes (S) or (): what the reader said of each; room (N,) [degC]: the
+    surroundings where they are logged.
+    """
+
+    run: str
+    channels: tuple[str, ...]
+    time_min: Array
+    values: Array
+    start_min: float = 0.0
+    notes: tuple[str, ...] = ()
+    room: Array | None = None
+
+    @classmethod
+    def of(cls, run: "Run", start_min: float, channels: Sequence[str] | None = None) -> "Signals":
+        """Those of a run, or some of them."""
+        some = tuple(run.channels if channels is None else channels)
+        # As np.stack, in a third of its time.
+        values = np.concatenate([run.channels[c] for c in some]).reshape(len(some), -1) if some else np.empty((0, len(run.time_s)))
+        notes = tuple(run.channel_notes.get(c, "") for c in some)
+        return cls(run.name, some, run.time_s / 60.0, values, start_min, notes, run.room)
+
+    @classmethod
+    def joined(cls, several: "Sequence[Signals]") -> "Signals":
+        """The sensors of several, all of one run, one after another."""
+        return replace(
+            several[0],
+            channels=tuple(c for one in several for c in one.channels),
+            values=np.concatenate([one.values for one in several]),
+            notes=tuple(one.note(i) for one in several for i in range(len(one.channels))),
+        )
+
+    def note(self, i: int) -> str:
+        """What the reader said of the i-th."""
+        return self.notes[i] if self.notes else ""
+
+    def one(self, i: int) -> "Signals":
+        """The i-th of them."""
+        return replace(self, channels=self.channels[i : i + 1], values=self.values[i : i + 1], notes=(self.note(i),))
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,11 @@ from .closing import (
     tracks_of,
 )
 from .estimate import FilterError
-from .identify import Method, identify_sensors
+from .identify import identify_sensors
 from .measured import measured_equilibrium
+from .request import Method, Question
 from .rules import RULES
-from .sensor import Sensors, prepare_all, refusal
+from .sensor import Sensors, Signals, prepare_all, refusal
 from .verdicts import doubts
 
 Array = NDArray[np.float64]
@@ -98,26 +99,15 @@ class SweptBlock(Sequence[Swept]):
 
 
 def sweep_sensors(
-    run: str,
-    channels: Sequence[str],
-    time_min: Array,
-    values: Array,
-    method: Method,
-    windows: tuple[float, ...],
-    times: tuple[float, ...],
-    tolerance_c: float,
-    start_min: float = 0.0,
-    notes: Sequence[str] = (),
-    room: Array | None = None,
+    signals: Signals, method: Method, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float
 ) -> Sequence[Swept]:
-    """RMSE (38) of the model over each window against identification time, from one filter pass, for S sensors values (S, N).
+    """RMSE (38) of the model over each window against identification time, from one filter pass, for each of S sensors.
 
     The result at time I is that of ``identify --until I``: every state and every likelihood rests on the readings up to I alone.
     windows and times [min] are ascending; only times below a window count for it.
     """
-    notes = tuple(notes) or ("",) * len(channels)
-    blocks = prepare_all(time_min, values, start_min)
-    jobs = [_Block(run, channels, method, block, windows, np.array(times), tolerance_c, notes) for block in blocks]
+    blocks = prepare_all(signals.time_min, signals.values, signals.start_min)
+    jobs = [_Block(signals, method, block, windows, np.array(times), tolerance_c) for block in blocks]
     found = [part for job in jobs for part in job.swept()]
     whole = SweptBlock.joined([part for _, part in found])
     order = np.argsort(np.concatenate([rows for rows, _ in found]))
@@ -126,8 +116,10 @@ def sweep_sensors(
     if not method.widens:
         return whole
 
+    bare = replace(signals, notes=())  # they stand in the sweep's own rows
+
     def identified(until: float) -> list[IdentifyRecord]:
-        return list(identify_sensors(run, channels, time_min, values, method, until, start_min, room=room).records)
+        return list(identify_sensors(bare, method, Question(until)).records)
 
     return _with_machine(whole, identified, tolerance_c)
 
@@ -195,14 +187,12 @@ def _not_known(last: IdentifyRecord, at_min: float, alone_min: float | None, tol
 class _Block:
     """Sensors of one run on one grid, on their way from readings to the records of a sweep."""
 
-    run: str
-    channels: Sequence[str]
+    signals: Signals
     method: Method
     sensors: Sensors
     windows: tuple[float, ...]
     times: Array
     tolerance_c: float
-    notes: Sequence[str]
 
     @property
     def count(self) -> int:
@@ -221,7 +211,7 @@ class _Block:
         for i in self.sensors.maybe_refused(self.windows[-1], RULES.fewest_readings):
             refused = refusal(self.sensors.one(i), self.windows[-1])
             if refused is not None:
-                alone.append((i, self._failed(i, refused[0], refused[1], self.notes[self.sensors.rows[i]])))
+                alone.append((i, self._failed(i, refused[0], refused[1], self.signals.note(self.sensors.rows[i]))))
                 left[i] = False
         found: list[tuple[NDArray[np.intp], Sequence[Swept]]] = []
         if left.any() and (together := self._together(np.flatnonzero(left))) is not None:
@@ -234,8 +224,8 @@ class _Block:
         return found
 
     def _blank(self, i: int) -> tuple[SweepRecord, ...]:
-        channel = self.channels[self.sensors.rows[i]]
-        return tuple(SweepRecord(self.run, channel, self.method.filter.name, window_min=w) for w in self.windows)
+        channel = self.signals.channels[self.sensors.rows[i]]
+        return tuple(SweepRecord(self.signals.run, channel, self.method.filter.name, window_min=w) for w in self.windows)
 
     def _failed(self, i: int, status: str, *why: str) -> Swept:
         message = "; ".join(m for m in why if m)
@@ -286,7 +276,7 @@ class _Block:
             doubted = {
                 int(j): doubts(last.one(i), int(ended.woke[i]), sensors.one(int(rows[j]))) for i, j in enumerate(unsure.tolist())
             }
-        told = [[*doubted.get(j, []), *sensors.notes[i], self.notes[sensors.rows[i]]] for j, i in enumerate(rows.tolist())]
+        told = [[*doubted.get(j, []), *sensors.notes[i], self.signals.note(sensors.rows[i])] for j, i in enumerate(rows.tolist())]
         records = self._records(rows, [bool(doubted.get(j)) for j in range(len(rows))], told, rmse, width)
         return rows, SweptBlock(records, len(self.windows), self.times, rmse, width)
 
@@ -294,7 +284,7 @@ class _Block:
         self, rows: NDArray[np.intp], doubtful: Sequence[bool], told: Sequence[Sequence[str]], rmse: Array, width: Array
     ) -> Records:
         """A record for each of these sensors and each window."""
-        named = self.run, [self.channels[row] for row in self.sensors.rows[rows].tolist()], self.method.filter.name
+        named = self.signals.run, [self.signals.channels[row] for row in self.sensors.rows[rows].tolist()], self.method.filter.name
         limits = self.tolerance_c, self.method.widens
         return sweep_records(named, doubtful, told, self.windows, self.times, rmse, width, self.ends, *limits)
 
@@ -313,7 +303,7 @@ class _Block:
         return rmse
 
     def _alone(self, i: int) -> Swept:
-        n, sensor, method, note = self.count, self.sensors.one(i), self.method, self.notes[self.sensors.rows[i]]
+        n, sensor, method, note = self.count, self.sensors.one(i), self.method, self.signals.note(self.sensors.rows[i])
         time, reading = sensor.time[:n], sensor.reading[:n]
         try:
             track = track_of(method.filter, method.model, time, reading, sensor.resolution)

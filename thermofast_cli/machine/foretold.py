@@ -10,7 +10,9 @@ from thermofast.models import Lump
 from thermofast.models.imperfection import TYPICAL, Past, PastRun, learn_past
 
 from ..discovery.loop import LoopTask
-from ..estimation.identify import Method, identify_sensors
+from ..estimation.identify import identify_sensors
+from ..estimation.request import Method, Question
+from ..estimation.sensor import Signals
 from .model import Model
 from .modelfile import ModelFile
 from .past import knowledge
@@ -82,10 +84,11 @@ def _told(task: LoopTask, until: float, past: Past, with_room: bool) -> dict[str
     channels = tuple(c for c in run.channels if c in past.shapes)
     if not channels:
         return {}
-    values, minutes = np.stack([run.channels[c] for c in channels]), run.time_s / 60.0
-    method, at = Method(Lump(), Afukf(), past=past), float(minutes[-LAST:].mean()) - task.start_min
-    room = run.room if with_room else None
-    records = identify_sensors(run.name, channels, minutes, values, method, until, task.start_min, at_min=at, room=room).records
+    signals = Signals.of(run, task.start_min, channels)
+    if not with_room:
+        signals = replace(signals, room=None)
+    at, values = float(signals.time_min[-LAST:].mean()) - task.start_min, signals.values
+    records = identify_sensors(signals, Method(Lump(), Afukf(), past=past), Question(until, at)).records
     found = {}
     for record, row in zip(records, values, strict=True):
         last = row[-LAST:][np.isfinite(row[-LAST:])]

@@ -12,8 +12,10 @@ from thermofast.models.search.rules import RULES
 
 from ..discovery.loop import LoopTask, ready
 from ..errors import ThermofastError
-from ..estimation.identify import Method, identify_sensors
+from ..estimation.identify import identify_sensors
 from ..estimation.imperfect import NOT_FOLLOWED
+from ..estimation.request import Method, Question
+from ..estimation.sensor import Signals
 from ..estimation.sweep import Swept, sweep_records, sweep_sensors
 from ..plugins.guard import failed_status
 from ..records import SweepRecord
@@ -88,11 +90,10 @@ def half_widths(task: LoopTask, method: Method, until: float) -> dict[str, float
     """
     until += task.start_min
     told = knowledge(replace(task, until_min=until))[0]
-    run, channels = task.run, tuple(task.run.channels)
-    values = np.stack([run.channels[c] for c in channels])
-    room = None if told.uses_room else run.room
-    of_run = replace(method, past=told.past)
-    found = identify_sensors(run.name, channels, run.time_s / 60.0, values, of_run, until, task.start_min, room=room)
+    signals = Signals.of(task.run, task.start_min)
+    if told.uses_room:
+        signals = replace(signals, room=None)
+    found = identify_sensors(signals, replace(method, past=told.past), Question(until))
     sides = {r.channel: (r.steady_state_lo_c, r.steady_state_hi_c) for r in found.records}
     return {c: 0.5 * (b - a) if a is not None and b is not None else np.inf for c, (a, b) in sides.items()}
 
@@ -145,8 +146,5 @@ def _on_its_own(
     task: LoopTask, method: Method, windows: tuple[float, ...], times: tuple[float, ...], tolerance_c: float, channel: str
 ) -> Swept:
     """A sensor that does not follow the drive, swept without it."""
-    minutes, values = task.run.time_s / 60.0, task.run.channels[channel][None]
-    one = sweep_sensors(
-        task.run.name, (channel,), minutes, values, method, windows, times, tolerance_c, task.start_min, (NOT_FOLLOWED,)
-    )
-    return one[0]
+    signals = replace(Signals.of(task.run, task.start_min, (channel,)), notes=(NOT_FOLLOWED,), room=None)
+    return sweep_sensors(signals, method, windows, times, tolerance_c)[0]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from thermofast.models.imperfection import Imperfection
 
     from ..analysis.sensitivity import Sizes
-    from ..estimation.identify import Method
+    from ..estimation.request import Method
     from ..experiments.planning import Design
     from ..machine.model import Model
 
@@ -117,15 +117,15 @@ def design_like(one: Started, prior: "Imperfection | None" = None) -> "tuple[Des
     from thermofast.models import third_difference_noise
 
     from ..estimation.identify import identify_sensors
+    from ..estimation.request import Question
+    from ..estimation.sensor import Signals
     from ..experiments.planning import TURNS, Design, of_all
     from .methods import choose
 
     run, start = one
-    minutes = run.time_s / 60.0
-    values = np.stack(list(run.channels.values()))
-    method = choose("afukf", None, ())
-    room = run.room
-    found = identify_sensors(run.name, tuple(run.channels), minutes, values, method, None, start, room=room).records
+    signals, method = Signals.of(run, start), choose("afukf", None, ())
+    minutes, values = signals.time_min, signals.values
+    found = identify_sensors(signals, method).records
     told = [r for r in found if r.rate_per_min and r.steady_state_c is not None and r.initial_c is not None]
     noise = {
         r.channel: third_difference_noise(v[k], minutes[k])
@@ -152,7 +152,7 @@ def design_like(one: Started, prior: "Imperfection | None" = None) -> "tuple[Des
             if until > float(minutes[-1]) - start or not (minutes - start <= until).sum() > 8:
                 continue
             until += start
-            found = identify_sensors(run.name, tuple(run.channels), minutes, values, method, until, start, room=room).records
+            found = identify_sensors(signals, method, Question(until)).records
             sides = [(r.steady_state_lo_c, r.steady_state_hi_c) for r in found]
             widths = np.array([0.5 * (b - a) if a is not None and b is not None else np.inf for a, b in sides])
             half[k] = of_all(widths, prior.none)

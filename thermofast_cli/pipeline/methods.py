@@ -13,7 +13,7 @@ from thermofast.models.standards import Criterion, criterion_from
 from thermofast.models.uncertainty.first_passage import Pace
 
 from ..errors import UsageError, listed, nearest
-from ..estimation.identify import Method
+from ..estimation.request import Method
 from ..plugins.filters import filter_class, known_filters
 
 

@@ -1,20 +1,20 @@
 """Analyses of one sensor at a time: identify and sweep."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thermofast.filters import Afukf
 from thermofast.models.standards import Criterion
 
 from ..errors import TooShortError, UsageError
-from ..estimation.identify import Found, Identified, Method
+from ..estimation.identify import Found, Identified
 from ..estimation.imperfect import GROUP, NOT_FOLLOWED
+from ..estimation.request import Method, Question
+from ..estimation.sensor import Signals
 from ..estimation.sweep import SweptBlock, with_trips
-from ..estimation.work import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
 from ..machine.jumps import jumps_after, uncounted
 from ..output.columns import Records
 from ..reading.headings.names import named_as
@@ -24,9 +24,10 @@ from ..results import Identification, Sweeping
 from ..standards.stopping import Rule, with_last, with_limit
 from ..standards.switching_off import after_switch_off, with_switch_off
 from ..workers.engine import Started, Work, over_runs, over_sensors, share_out
+from .request import Request, check_closes
+from .tasks import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
 
 if TYPE_CHECKING:
-    from ..estimation.curves import Curves
     from ..machine.model import Model
     from ..machine.past import Knowledge
 
@@ -54,182 +55,180 @@ def from_rise(model: "Model | None", drive: str | None = None) -> bool:
     return drive is None and (model is None or not (model.file.effects or model.drive))
 
 
-def _check_closes(method: Method, beyond: bool) -> None:
-    """Raises UsageError where what is known beyond the readings (`beyond`) would be left out without a word."""
-    if beyond and not method.widens:
-        raise UsageError(
-            "--model, --drive and --auto enter the closing estimate that counts the machine, which is not made here",
-            **_not_made(method),
-        )
-
-
-def _not_made(method: Method) -> dict[str, str]:
-    """The option for which there is no closing estimate that counts the machine, and what to do."""
-    if method.filter.closing != "never":
-        return {"found": "--imperfection none --rates own", "do": "leave one of them out"}
-    if method.filter.name == Afukf.name:
-        return {"found": "--preset paper", "do": "leave it out"}
-    return {"found": f"--filter {method.filter.name}", "do": "use --filter afukf"}
-
-
 def identify_runs(
-    started: Sequence[Started],
-    method: Method,
-    until_min: float | None = None,
-    *,
-    model: "Model | None" = None,
-    joint: bool = False,
-    details: bool = False,
-    how: Work | None = None,
-    at_min: float | None = None,
-    room_c: float | None = None,
-    drive: str | None = None,
-    auto: bool = False,
-    criterion: Criterion | None = None,
-    limit_c: float | None = None,
-    switch_off_min: float | None = None,
+    started: Sequence[Started], method: Method, request: Request | None = None, how: Work | None = None
 ) -> Identification:
-    """Steady state and settling time of every sensor; ``details`` adds curves and traces, at_min [min] a temperature at that time,
-    room_c [degC] the steady state in that room. drive: a logged column that the heat follows. auto: what the
-    readings used show to be missing is looked for and added first. criterion: a stopping rule, when it holds; limit_c [degC]: a
-    limit, how far the steady state is below it; switch_off_min [min after the first reading, negative before it]: when the machine
-    was switched off, for the temperature then.
+    """What is asked of every sensor.
 
     Raises
     ------
     UsageError: an identification time outside a record, or settings that exclude each other.
     """
-    how = how or Work()
-    if joint and type(method.filter) is not Afukf:
-        found = "--preset paper" if method.filter.name == Afukf.name else f"--filter {method.filter.name}"
-        raise UsageError("--joint runs the AFUKF over all sensors", found=found, do="leave one of them out")
-    beyond = model is not None or drive is not None or auto
-    if model is not None and auto:
-        raise UsageError(
-            "--auto looks for effects beside the base model, and --model tells them",
-            do="leave one of them out; thermofast improve --auto learns a model with what is found",
-        )
-    _check_closes(method, beyond)
-    if criterion is not None and not method.widens:
-        raise UsageError(
-            "--criterion is foretold by the closing estimate that counts the machine, which is not made here",
-            **_not_made(method),
-        )
-    if criterion is not None and method.paces:
-        raise UsageError("--criterion is foretold at the rate of the readings, which --pace changes", do="leave one of them out")
-    started, short = long_enough(started, until_min)
-    if model is not None:
-        started = [(named_as(run, model.channels), start) for run, start in started]
-    if switch_off_min is not None:
-        started = [(run, after_switch_off(run, start, switch_off_min)) for run, start in started]
-    told: dict[str, Knowledge] = {}
-    held: dict[str, Knowledge] = {}
-    if beyond:
-        asked = until_min, model, drive, auto, how
-        by_run, stopped = _known(started, *asked)
-        told = {one.run: one for one in by_run}
-        if criterion is not None and not stopped:
-            # A rule is foretold with what is logged held as it is, not as it was to be later.
-            going = [(stretch(run, None, until_min), start) for run, start in started if _goes_on(told[run.name], run, until_min)]
-            by_run, stopped = _known(going, *asked) if going else ([], False)
-            held = {one.run: one for one in by_run}
-        if stopped:
-            return Identification((), tuple(run for run, _ in started), True)
-    failed = [one for one in told.values() if one.failed]
-    able = [(run, start) for run, start in started if run.name not in {one.run for one in failed}]
-
-    rules = {run.name: Rule.of(criterion, run, start, until_min) for run, start in able} if criterion is not None else {}
-    rules |= {name: replace(rules[name], held=one.past) for name, one in held.items() if name in rules}
-    later = {run.name: jumps_after(run, until_min) for run, _ in able}
-    changed = {run.name: uncounted(run, start, until_min, drive) for run, start in able} if not model else {}
-
-    def make(
-        name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float, room: Any
-    ) -> IdentifyTask:
-        of_run, known = method, told.get(name)
-        changes, last = changed.get(name, ("", None))
-        if changes:
-            of_run = replace(of_run, changed_min=last)
-            counted = known.past.shapes if known is not None and known.past is not None else {}
-            notes = tuple(note if c in counted else _and((note,), changes) for c, note in zip(part, notes, strict=True))
-        if known is None or known.past is None or not known.past.rises:
-            said, jumps = later.get(name, ("", np.inf))
-            of_run = replace(of_run, jumps_min=jumps)
-            notes = tuple(_and((said,) if said else (), note) for note in notes)
-        if known is not None and known.past is None:
-            notes = tuple(_and(known.notes, note) for note in notes)
-        if known is not None and known.uses_room and room_c is not None:
-            notes = tuple(_and(("the model accounts for the surroundings: --room is not told with it",), note) for note in notes)
-        if known is not None and known.past is not None:
-            of_run = replace(of_run, past=known.past)
-            mine = known.past.shapes
-            notes = tuple(
-                _and(known.notes if c in mine else (_other(c, known),), note) for c, note in zip(part, notes, strict=True)
-            )
-            room = None if known.uses_room else room
-        return IdentifyTask(
-            name,
-            minutes,
-            part,
-            values,
-            notes,
-            of_run,
-            start,
-            room,
-            until_min=until_min,
-            want_trace=details,
-            together=joint,
-            at_min=at_min,
-            room_c=room_c,
-            rule=rules.get(name),
-        )
-
-    weight = 100.0 if joint else 10.0 if method.widens else 1.0
-    sensor_tasks, processes = share_out(able, how.jobs, weight, make, joint, GROUP if method.widens else 1)
-    by_task, interrupted = over_sensors(identify_task, sensor_tasks, processes, identify_lost, how, together)
-    if auto and not interrupted:
-        from .averaged import averaged  # it needs scipy, which takes longer to load than ten sensors to identify
-
-        added = [(run, start) for run, start in able if told[run.name].found]
-        silent = replace(how, advance=lambda _steps: None)
-        bare: dict[str, Any] = {"at_min": at_min, "room_c": room_c, "drive": drive, "criterion": criterion}
-        plain = identify_runs(added, method, until_min, details=details, joint=joint, how=silent, **bare)
-        interrupted = plain.interrupted
-        without = {(r.run, r.channel): r for r in plain}
-        number = {run.name: told[run.name].found for run, _ in added}
-        drawn = {(c.run, c.channel): c for c in plain.curves}
-        by_task = [[_with_doubt(one, without, drawn, number, averaged) for one in found] for found in by_task]
-    unread = [IdentifyRecord(one.run, "", method.filter.name, status=one.status, message=one.failed) for one in failed]
-    unread += [
-        IdentifyRecord(run.name, c, method.filter.name, until_min, status="too_short", message=said_short(run, until_min))
-        for run, _ in short
-        for c in run.channels
-    ]
-    whole = Found.joined([*by_task, [Identified(record) for record in unread]])
-    records: Sequence[IdentifyRecord] = whole.records
-    if limit_c is not None:
-        records = [with_limit(record, limit_c) for record in records]
-    if switch_off_min is not None:
-        of = {run.name: run for run, _ in started}
-        records = [with_switch_off(r, of[r.run], switch_off_min, until_min) for r in records]
+    how, request = how or Work(), request or Request()
+    request.check(method)
+    started, short = long_enough(started, request.until_min)
+    started = [_prepared(run, start, request) for run, start in started]
+    runs = tuple(run for run, _ in started)
+    known, rules, stopped = _beforehand(started, request, how)
+    if stopped:
+        return Identification((), runs, True)
+    able = [(run, start) for run, start in started if run.name not in known or not known[run.name].failed]
+    prepared = {run.name: _OfRun.of(run, start, method, request, known.get(run.name), rules.get(run.name)) for run, start in able}
+    weight = 100.0 if request.joint else 10.0 if method.widens else 1.0
+    tasks, processes = share_out(
+        able, how.jobs, weight, lambda part: prepared[part.run].task(part), request.joint, GROUP if method.widens else 1
+    )
+    by_task, interrupted = over_sensors(identify_task, tasks, processes, identify_lost, how, together)
+    if request.auto and not interrupted:
+        added = [(run, start) for run, start in able if known[run.name].found]
+        by_task, interrupted = _counting_without(by_task, added, known, method, request, how)
+    refused = [*_failed(known.values(), method), *_too_short([run for run, _ in short], method, request.until_min)]
+    whole = Found.joined([*by_task, refused])
     return Identification(
-        with_last(records) if criterion is not None else records,
-        tuple(run for run, _ in started),
+        _with_asked(whole.records, started, request),
+        runs,
         interrupted,
         tuple(curves for _, curves in whole.details if curves is not None),
         tuple(trace for trace, _ in whole.details),
     )
 
 
-def _known(
-    started: Sequence[Started], until_min: float | None, model: "Model | None", drive: str | None, auto: bool, how: Work
-) -> tuple[list["Knowledge"], bool]:
-    """What is known of each run's machine beforehand, and whether the work was broken off."""
+def _prepared(run: Run, start: float, request: Request) -> Started:
+    """A run with its sensors named as the model names them, and what is looked at from when it was switched off, if it was."""
+    if request.model is not None:
+        run = named_as(run, request.model.channels)
+    return run, (start if request.switch_off_min is None else after_switch_off(run, start, request.switch_off_min))
+
+
+def _beforehand(started: Sequence[Started], request: Request, how: Work) -> tuple[dict[str, "Knowledge"], dict[str, Rule], bool]:
+    """By run: what is known of its machine, and the stopping rule; and whether the work was broken off."""
+    until, criterion = request.until_min, request.criterion
+    known, held, stopped = dict[str, "Knowledge"](), dict[str, "Knowledge"](), False
+    if request.of_machine:
+        known, stopped = _known(started, request, how)
+        if criterion is not None and not stopped:
+            # A rule is foretold with what is logged held as it is, not as it was to be later.
+            going = [(stretch(run, None, until), start) for run, start in started if _goes_on(known[run.name], run, until)]
+            held, stopped = _known(going, request, how) if going else ({}, False)
+    if criterion is None or stopped:
+        return known, {}, stopped
+    able = [(run, start) for run, start in started if run.name not in known or not known[run.name].failed]
+    rules = {run.name: Rule.of(criterion, run, start, until) for run, start in able}
+    return known, rules | {n: replace(rules[n], held=one.past) for n, one in held.items() if n in rules}, False
+
+
+@dataclass(frozen=True)
+class _OfRun:
+    """What the sensors of one run are treated with: what is known of its machine beforehand, and what is logged beside them.
+
+    changed: what is said of a sensor for which a logged change is not counted; said: of every sensor.
+    """
+
+    method: Method
+    question: Question
+    known: "Knowledge | None"
+    changed: str
+    said: tuple[str, ...]
+
+    @classmethod
+    def of(cls, run: Run, start: float, method: Method, request: Request, known: "Knowledge | None", rule: Rule | None) -> "_OfRun":
+        """For a run whose rise begins at `start` [min]."""
+        past, said = known.past if known is not None else None, list[str]()
+        changed, last = uncounted(run, start, request.until_min, request.drive) if request.model is None else ("", None)
+        if changed:
+            method = replace(method, changed_min=last)
+        if known is not None and known.uses_room and request.room_c is not None:
+            said.append("the model accounts for the surroundings: --room is not told with it")
+        if past is None or not past.rises:
+            later, jumps = jumps_after(run, request.until_min)
+            method = replace(method, jumps_min=jumps)
+            said.append(later)
+        if past is not None:
+            method = replace(method, past=past)
+        return cls(method, request.question(rule), known, changed, tuple(said))
+
+    def task(self, signals: Signals) -> IdentifyTask:
+        """Some sensors of the run, with what is said of each."""
+        notes = tuple(self._note(c, signals.note(i)) for i, c in enumerate(signals.channels))
+        uses_room = self.method.past is not None and self.known is not None and self.known.uses_room
+        room = None if uses_room else signals.room
+        return IdentifyTask(replace(signals, notes=notes, room=room), self.method, self.question)
+
+    def _note(self, channel: str, note: str) -> str:
+        past, first = self.method.past, self.known.notes if self.known is not None else ()
+        counted = past is not None and channel in past.shapes
+        if past is not None and self.known is not None and not counted:
+            first = (_other(channel, self.known),)
+        return "; ".join(said for said in (*first, *self.said, "" if counted else self.changed, note) if said)
+
+
+def _failed(known: Iterable["Knowledge"], method: Method) -> list[Identified]:
+    """Rows of runs whose machine could not be looked at."""
+    name = method.filter.name
+    return [Identified(IdentifyRecord(one.run, "", name, status=one.status, message=one.failed)) for one in known if one.failed]
+
+
+def _too_short(runs: Iterable[Run], method: Method, until_min: float | None) -> list[Identified]:
+    """Rows of the sensors of runs that end before the identification time."""
+    return [
+        Identified(
+            IdentifyRecord(run.name, c, method.filter.name, until_min, status="too_short", message=said_short(run, until_min))
+        )
+        for run in runs
+        for c in run.channels
+    ]
+
+
+def _with_asked(records: Records, started: Sequence[Started], request: Request) -> Sequence[IdentifyRecord]:
+    """The records with what is asked for beside where a sensor settles, and what is told from that."""
+    found: Sequence[IdentifyRecord] = records
+    if request.limit_c is not None:
+        found = [with_limit(record, request.limit_c) for record in found]
+    if request.switch_off_min is not None:
+        of = {run.name: run for run, _ in started}
+        found = [with_switch_off(r, of[r.run], request.switch_off_min, request.until_min) for r in found]
+    return with_last(found) if request.criterion is not None else found
+
+
+def _counting_without(
+    by_task: list[Sequence[Identified]],
+    added: Sequence[Started],
+    known: dict[str, "Knowledge"],
+    method: Method,
+    request: Request,
+    how: Work,
+) -> tuple[list[Sequence[Identified]], bool]:
+    """What was found with effects that were found and added in some runs, its intervals counting what is found without them.
+
+    And whether the work was broken off.
+    """
+    from .averaged import averaged  # it needs scipy, which takes longer to load than ten sensors to identify
+
+    plain = identify_runs(added, method, request.without_search(), replace(how, advance=lambda _steps: None))
+    without = {(r.run, r.channel): r for r in plain}
+    drawn = {(c.run, c.channel): c for c in plain.curves}
+
+    def counted(one: Identified) -> Identified:
+        which = one.record.run, one.record.channel
+        bare = without.get(which)
+        if bare is None:
+            return one
+        record = averaged(one.record, bare, known[bare.run].found)
+        same = replace(record, message=bare.message) == bare
+        return replace(one, record=record, curves=drawn.get(which) if same else one.curves)
+
+    return [[counted(one) for one in found] for found in by_task], plain.interrupted
+
+
+def _known(started: Sequence[Started], request: Request, how: Work) -> tuple[dict[str, "Knowledge"], bool]:
+    """What is known of each run's machine beforehand, by run, and whether the work was broken off."""
     from ..machine.past import knowledge, knowledge_lost
     from .loop import loop_tasks
 
-    tasks = loop_tasks(started, until_min=until_min, model=model, drive=drive, auto=auto)
-    return over_runs(knowledge, tasks, knowledge_lost, replace(how, advance=lambda _steps: None))
+    asked = request.model, request.drive, request.auto
+    tasks = loop_tasks(started, until_min=request.until_min, model=asked[0], drive=asked[1], auto=asked[2])
+    found, stopped = over_runs(knowledge, tasks, knowledge_lost, replace(how, advance=lambda _steps: None))
+    return {one.run: one for one in found}, stopped
 
 
 def _goes_on(known: "Knowledge", run: Run, until_min: float | None) -> bool:
@@ -241,33 +240,11 @@ def _goes_on(known: "Knowledge", run: Run, until_min: float | None) -> bool:
     return any(len(c) > 1 and float(np.ptp(c)) > 0.0 for c in ahead)
 
 
-def _with_doubt(
-    one: Identified,
-    without: dict[tuple[str, str], IdentifyRecord],
-    drawn: dict[tuple[str, str], "Curves"],
-    number: dict[str, int],
-    averaged: Callable[[IdentifyRecord, IdentifyRecord, int], IdentifyRecord],
-) -> Identified:
-    """What was found of a sensor with effects added, its interval counting the record without them where there is one."""
-    which = one.record.run, one.record.channel
-    plain = without.get(which)
-    if plain is None:
-        return one
-    record = averaged(one.record, plain, number[plain.run])
-    counted = replace(record, message=plain.message) != plain
-    return replace(one, record=record, curves=one.curves if counted else drawn.get(which))
-
-
 def _other(channel: str, known: "Knowledge") -> str:
     """What is said of a sensor that is identified on its own though there is a model or a drive."""
     if channel in known.strange:
         return NOT_FOLLOWED
     return "not in the model: identified on its own"
-
-
-def _and(said: tuple[str, ...], note: str) -> str:
-    """What is said of a sensor, with what the reader said of it."""
-    return "; ".join(n for n in (*said, note) if n)
 
 
 def sweep_runs(
@@ -291,7 +268,7 @@ def sweep_runs(
     UsageError: no time below a window, a window longer than a record, or settings that exclude each other.
     """
     how = how or Work()
-    _check_closes(method, model is not None or drive is not None)
+    check_closes(method, model is not None or drive is not None)
     for window in windows_min:
         if not any(t < window - 1e-9 for t in times_min):
             raise UsageError(
@@ -319,10 +296,8 @@ def sweep_runs(
         records, swept = Records.of(SweepRecord, [record for one in told for record in one.records]), tuple(told)
     else:
 
-        def make(
-            name: str, minutes: Any, part: tuple[str, ...], values: Any, notes: tuple[str, ...], start: float, room: Any
-        ) -> SweepTask:
-            return SweepTask(name, minutes, part, values, notes, method, start, room, windows_min, times_min, tolerance_c, details)
+        def make(signals: Signals) -> SweepTask:
+            return SweepTask(signals, method, windows_min, times_min, tolerance_c, details)
 
         sensor_tasks, processes = share_out(
             started, how.jobs, 1.0 + 0.02 * len(times_min), make, together=GROUP if method.widens else 1

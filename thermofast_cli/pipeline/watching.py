@@ -14,13 +14,14 @@ import numpy as np
 
 from ..analysis.watching import FEWEST, Look, Watch, first_readings
 from ..errors import InputError, ThermofastError, UsageError, rounded
-from ..estimation.identify import Method
+from ..estimation.request import Method
 from ..reading import Run, read_runs
 from ..reading.follow import Follower, Piped, is_stream
 from ..reading.source import BAD_ROW, CUT_ROW, read_growing
 from ..reading_options import Options
 from ..records import IdentifyRecord
 from ..workers.engine import Started, Work, with_start
+from .request import Request
 from .sensors import from_rise, identify_runs
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ def watch_run(
 
     def identify(run: Run, start_min: float | None) -> tuple[IdentifyRecord, ...]:
         started = [with_start(run, start_min, from_rise(model, drive))]
-        return tuple(identify_runs(started, method, model=model, drive=drive, how=Work(1)).records)
+        return tuple(identify_runs(started, method, Request(model=model, drive=drive), Work(1)).records)
 
     def happened(run: Run, minute: float) -> bool:
         return events_before(with_start(run, begin, from_rise(model, drive)), minute)

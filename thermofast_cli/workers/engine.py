@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..errors import UsageError
-from ..estimation.sensor import run_start
+from ..estimation.sensor import Signals, run_start
 from ..reading import Run
 from .flow import Crew, Flow, Given, Local, in_order
 from .pool import Shared, cores, keep_freed_memory, worth
@@ -108,7 +106,12 @@ class Asked(Sequence[Any]):
 
 
 def share_out(
-    started: Sequence[Started], jobs: int | None, weight: float, make: Callable[..., Any], whole: bool = False, together: int = 1
+    started: Sequence[Started],
+    jobs: int | None,
+    weight: float,
+    make: Callable[[Signals], Any],
+    whole: bool = False,
+    together: int = 1,
 ) -> tuple[Sequence[Any], int]:
     """Tasks over all sensors of all runs, and the number of processes that they pay for.
 
@@ -119,19 +122,16 @@ def share_out(
     longest = max((len(run.time_s) for run, _ in started), default=0)
     processes = jobs if jobs is not None else worth(sensors, longest, weight)
 
-    def task(run: Run, start: float, part: tuple[str, ...], room: Any) -> Any:
-        notes = tuple(run.channel_notes.get(c, "") for c in part)
-        values = np.concatenate([run.channels[c] for c in part]).reshape(len(part), -1)  # as np.stack, in a third of its time
-        return make(run.name, run.time_s / 60.0, part, values, notes, start, room)
+    def task(run: Run, start: float, part: tuple[str, ...]) -> Any:
+        return make(Signals.of(run, start, part))
 
     tasks = []
     for run, start in started:
         channels = list(run.channels)
-        room = run.room
         most = MOST_PER_TASK if together == 1 else GROUPS_PER_TASK * together
         size = max(1, min(most, -(-len(channels) // (4 * processes)))) if processes > 1 else most
         size = len(channels) if whole else -(-size // together) * together
-        tasks += [partial(task, run, start, tuple(channels[i : i + size]), room) for i in range(0, len(channels), size)]
+        tasks += [partial(task, run, start, tuple(channels[i : i + size])) for i in range(0, len(channels), size)]
     return Asked(tasks), processes
 
 

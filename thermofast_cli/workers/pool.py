@@ -95,7 +95,7 @@ def _context(search: bool) -> multiprocessing.context.BaseContext:
     context.Process = Worker
     if METHOD == "forkserver":
         searching = ["thermofast.models.search.discover"] if search else []
-        context.set_forkserver_preload(["thermofast.workers.starting", "thermofast.estimation.work", *searching])
+        context.set_forkserver_preload(["thermofast.workers.starting", "thermofast.pipeline.tasks", *searching])
     found: multiprocessing.context.BaseContext = context
     return found
 
