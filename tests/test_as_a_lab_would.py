@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
-from thermofast.analysis.changed import _observed
+from thermofast.analysis.sides import observed_run
 from thermofast.displacements.report import _constants_apart
 from thermofast.errors import UsageError
 from thermofast.estimation.measured import measured_equilibria
@@ -46,7 +46,7 @@ def model():
 def test_a_model_with_links_foretells_its_own_machine(model):
     """The limits by the links were nan where a sensor has no second neighbour, and every sensor was said not to move."""
     given = linked("c", 1.0, seed=3)
-    seen = _observed((given, 0.0))
+    seen = observed_run((given, 0.0))
     curve = as_learnt(model.file, seen, "c", "m.toml").reading
     assert np.isfinite(curve).all()
     assert curve[:, -1] == pytest.approx([values[-1] for values in given.channels.values()], rel=0.08)

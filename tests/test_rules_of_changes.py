@@ -9,7 +9,8 @@ from scipy import signal, stats
 
 import thermofast as tf
 from thermofast.analysis import changed as analysis
-from thermofast.analysis.changed import _bent, _of_a_size, _straight
+from thermofast.analysis.changed import _bent, _of_a_size
+from thermofast.analysis.sides import hardly_bent
 from thermofast.discovery.observe import observe
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
 from thermofast.models.uncertainty import changes as changed
@@ -301,11 +302,11 @@ def test_a_sensor_that_is_hardly_bent_is_left_out_and_told():
     few, more = (
         [fit_model(observe(tf.read({"time_min": time} | {f"T{i}": rows[i] for i in which})).seen)] for which in (range(8), range(6))
     )
-    assert _straight(few) == []
-    assert _straight(more) == ["T2", "T3", "T4", "T5"]
+    assert hardly_bent(few) == []
+    assert hardly_bent(more) == ["T2", "T3", "T4", "T5"]
     for rise, left_out in ((1.0, ["T2"]), (8.0, [])):
         table = {"time_min": time, "T0": rows[0], "T1": rows[1], "T2": 20.0 + rise * time / 300.0 + 0.3 * rng.standard_normal(301)}
-        assert _straight([fit_model(observe(tf.read(table)).seen)]) == left_out
+        assert hardly_bent([fit_model(observe(tf.read(table)).seen)]) == left_out
 
 
 def test_a_run_is_bent_by_kelvin_that_no_air_explains():

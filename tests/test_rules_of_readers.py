@@ -11,9 +11,8 @@ import pytest
 from thermofast.errors import InputError
 from thermofast.reading.follow import whole_lines
 from thermofast.reading.moments import epochs
-from thermofast.reading.moments.durations import as_clock
+from thermofast.reading.moments.clock_texts import as_clock, padded
 from thermofast.reading.moments.four_parts import DAYS, HUNDREDTHS, days_to_seconds
-from thermofast.reading.moments.fractions import padded
 from thermofast.reading.moments.glitches import without_glitches
 from thermofast.reading.moments.stamps import unusual_steps
 from thermofast.reading.moments.zones import _moments, _offset, _skipped

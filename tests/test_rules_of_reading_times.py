@@ -7,8 +7,9 @@ import pytest
 
 import thermofast as tf
 from thermofast.errors import InputError, UsageError
-from thermofast.reading.moments import times
-from thermofast.reading.moments.times import find_time, is_time_name
+from thermofast.reading.moments import time_column, times
+from thermofast.reading.moments.time_column import is_time_name
+from thermofast.reading.moments.times import find_time
 from thermofast.reading.table import Table
 from thermofast.reading.values.time_units import unit_of
 from thermofast.reading_options import Options
@@ -118,7 +119,7 @@ def test_a_clock_that_begins_at_nought_beside_dates_is_elapsed_time():
 def test_of_several_stamps_the_one_that_changes_most_is_time():
     """What is the same in all rows, or in most, tells when a step or a query began."""
     each = [f"2026-03-14 08:{k:02d}:00" for k in range(12)]
-    assert [times._mostly_new([0] * (12 - k) + list(range(1, k + 1))) for k in (5, 6)] == [False, True]
+    assert [time_column._mostly_new([0] * (12 - k) + list(range(1, k + 1))) for k in (5, 6)] == [False, True]
     began, step = ["2026-03-14 07:00:00"] * 12, ["2026-03-14 08:00:00"] * 6 + ["2026-03-14 08:06:00"] * 6
     assert _of(began=began, when=each, T=TEMPERATURE) == {"when"}
     assert _of(timestamp=began, when=each, T=TEMPERATURE) == {"when"}

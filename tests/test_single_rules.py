@@ -10,7 +10,7 @@ import pytest
 
 import thermofast as tf
 from thermofast.estimation import closing, measured
-from thermofast.estimation.request import Question
+from thermofast.estimation.request import EVERYTHING
 from thermofast.estimation.sweep import sweep_records, with_trips
 from thermofast.models.standards import criterion_from
 from thermofast.reading.moments.order import spread_evenly
@@ -234,7 +234,7 @@ def test_a_past_run_with_an_idle_beginning_is_read_at_turns_of_its_rise(monkeypa
 
     asked = []
 
-    def identified(signals, method, question=Question()):
+    def identified(signals, method, question=EVERYTHING):
         asked.append((question.until_min, question.at_min))
         sides = {"at_lo_c": 49.0, "at_c": 50.0, "at_hi_c": 51.0}
         return SimpleNamespace(records=[SimpleNamespace(rate_per_min=1 / 40, status="ok", steady_state_measured_c=50.0, **sides)])
@@ -326,7 +326,9 @@ def test_half_widths_of_a_sweep_with_a_model_are_those_of_identify_at_that_time(
     time, reading = law(100.0)
     task = LoopTask(tf.read({"time_min": time, "a": reading}), start_min=30.0)
     monkeypatch.setattr(settle, "knowledge", lambda t: asked.append(t.until_min) or [SimpleNamespace(past=None, uses_room=False)])
-    monkeypatch.setattr(settle, "identify_sensors", lambda s, _, q: asked.extend((q.until_min, s.start_min)) or SimpleNamespace(records=[]))
+    monkeypatch.setattr(
+        settle, "identify_sensors", lambda s, _, q: asked.extend((q.until_min, s.start_min)) or SimpleNamespace(records=[])
+    )
     monkeypatch.setattr(settle, "replace", lambda one, **new: one if not isinstance(one, LoopTask) else replace(one, **new))
     settle.half_widths(task, SimpleNamespace(), 20.0)
     assert asked == [50.0, 50.0, 30.0]

@@ -75,45 +75,71 @@ def options_from(given: dict[str, Any]) -> Options:
     for key in given:
         if key not in known:
             raise UsageError(f"unknown option of reading {key!r}", allowed=", ".join(known))
-    for key in SEVERAL:
-        if isinstance(given.get(key), Mapping):  # {"T1": "F"} as T1=F
-            given[key] = tuple(f"{name}={value}" for name, value in given[key].items())
-        if isinstance(given.get(key), Iterable) and not isinstance(given[key], str):
-            given[key] = tuple(given[key])
+    given |= {key: _as_list(given[key]) for key in SEVERAL if key in given}
     for key, value in given.items():
         _check(key, value)
-    for key in SEVERAL:
-        if isinstance(given.get(key), str) and not given[key].strip():
-            option = f"--{SPOKEN.get(key, key).replace('_', '-')}"
-            raise UsageError(
-                f"{option} is empty",
-                found=repr(given[key]),
-                allowed="names with commas between",
-                do=f"name some, or leave {option} out",
-            )
-    for key in SEVERAL:
-        given[key] = names(given.get(key))
-    given["long"] = _long(given.get("long"))
-    given["resistance"] = _resistance(given.get("resistance"))
-    first, last = given.get("from_min"), given.get("to_min")
-    if first is not None and last is not None and not first < last:
-        raise UsageError("--to is not after --from", found=f"from {first:g} to {last:g} min", allowed="minutes that ascend")
-    delimiter = given.get("delimiter")
-    delimiter = DELIMITERS.get(delimiter, delimiter) if delimiter else None
-    if delimiter is not None and (len(delimiter) != 1 or not delimiter.isascii()):
-        raise UsageError("--delimiter: one character", found=repr(delimiter), allowed="one character, 'tab' or 'blank'")
+    given |= {key: _names_of(key, given.get(key)) for key in SEVERAL}
     for text in given["rename"]:
         if not all(part.strip() for part in text.rpartition("=")):
             raise UsageError("--rename: not a name and a new one", found=repr(text), allowed="OLD=NEW, as T1=spindle_front")
+    given["long"] = _long(given.get("long"))
+    given["resistance"] = _resistance(given.get("resistance"))
+    given["delimiter"] = _delimiter(given.get("delimiter"))
+    given["strict"] = bool(given.get("strict"))
+    _check_span(given.get("from_min"), given.get("to_min"))
+    return Options(**_whole_numbers(given))
+
+
+def _as_list(value: Any) -> Any:
+    """What is told of several columns, as a tuple: {"T1": "F"} as T1=F."""
+    if isinstance(value, Mapping):
+        return tuple(f"{name}={told}" for name, told in value.items())
+    return tuple(value) if isinstance(value, Iterable) and not isinstance(value, str) else value
+
+
+def _names_of(key: str, value: Any) -> tuple[str, ...]:
+    """The names of an option that takes several.
+
+    Raises
+    ------
+    UsageError: it is there, and empty.
+    """
+    if isinstance(value, str) and not value.strip():
+        option = f"--{SPOKEN.get(key, key).replace('_', '-')}"
+        do = f"name some, or leave {option} out"
+        raise UsageError(f"{option} is empty", found=repr(value), allowed="names with commas between", do=do)
+    return names(value)
+
+
+def _delimiter(told: str | None) -> str | None:
+    """The character that parts cells, of one told by its name."""
+    delimiter = DELIMITERS.get(told, told) if told else None
+    if delimiter is not None and (len(delimiter) != 1 or not delimiter.isascii()):
+        raise UsageError("--delimiter: one character", found=repr(delimiter), allowed="one character, 'tab' or 'blank'")
+    return delimiter
+
+
+def _check_span(first: float | None, last: float | None) -> None:
+    """Raises UsageError where minutes to read do not ascend."""
+    if first is not None and last is not None and not first < last:
+        raise UsageError("--to is not after --from", found=f"from {first:g} to {last:g} min", allowed="minutes that ascend")
+
+
+def _whole_numbers(given: dict[str, Any]) -> dict[str, Any]:
+    """The options with limits and lines to leave out as whole numbers, those left out as by default.
+
+    Raises
+    ------
+    UsageError: one is none.
+    """
+    kept = {key: value for key, value in given.items() if not (key in LIMITS and value is None)}
     for key in LIMITS:
-        if given.get(key) is None:
-            given.pop(key, None)
-        elif not (isinstance(given[key], Integral) and int(given[key]) > 0):
-            raise UsageError(f"--{key.replace('_', '-')}: not a limit", found=repr(given[key]), allowed="a whole number above zero")
+        if key in kept and not (isinstance(kept[key], Integral) and int(kept[key]) > 0):
+            raise UsageError(f"--{key.replace('_', '-')}: not a limit", found=repr(kept[key]), allowed="a whole number above zero")
     skipped = given.get("skip_footer") or 0
     if not (isinstance(skipped, Integral) and int(skipped) >= 0):
         raise UsageError("--skip-footer: not a number of lines", found=repr(skipped), allowed="0 or more")
-    return Options(**{**given, "delimiter": delimiter, "strict": bool(given.get("strict")), "skip_footer": skipped})
+    return kept | {"skip_footer": skipped}
 
 
 def spoken(options: Options) -> str:

@@ -2,38 +2,29 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Observations, third_difference_noise
-from thermofast.models.joint import LEVEL, START, Fit, fit_model
-from thermofast.models.search.judge import widening
-from thermofast.models.search.logged import follows_machine
+from thermofast.models.joint import Fit
 from thermofast.models.uncertainty.changes import (
     LOCAL,
-    LOGGED_DRIFT,
-    WARM,
     WHOLE,
-    Begun,
     Change,
-    RunNumbers,
     begun_beside,
     changes,
     other_room,
     with_offset,
     with_room,
-    without_room,
 )
 
-from ..discovery.observe import FEWEST_READINGS, observe
-from ..errors import UsageError, listed, rounded
-from ..machine.learnt import as_learnt, first_readings
+from ..errors import listed, rounded
 from ..machine.model import Model
-from ..machine.modelfile import refuse_copies
 from ..records import ChangedRecord
 from ..workers.engine import Started
+from .sides import ROOM_ERROR, Sides, rises_of
 
 Array = NDArray[np.float64]
 
@@ -42,12 +33,6 @@ SURE, EITHER = 0.9, 0.95
 #: Deviation of the logarithm of a rate, median over the sensors, from which a record is hardly bent: a first slope is heat over
 #: heat capacity, and which of the two changed it does not say.
 STRAIGHT = 0.25
-#: That of its rate or rise from which a sensor that moves little is left out: its logarithm is then no Gaussian.
-UNKNOWN = 0.5
-#: Share of what the others move below which it is.
-WEAK = 0.5
-#: Share of the sensors that must be bent to be those that a run is of.
-ENOUGH = 0.3
 #: Deviations of its size at which a change of the whole machine is sure to be said.
 SHOWS = 4.0
 #: Rooms that differ by more [K] are said.
@@ -65,8 +50,6 @@ LATE, UNEVEN = 0.1, 0.1
 BENT, MORE_BENT = 0.04, 4.0
 #: A sensor that ends where it did, to within so much of what it began warmer, is no probe that tells more throughout.
 ENDS_ALIKE = 0.5
-#: What is not known of a logged room's mean [K].
-ROOM_ERROR = 0.1
 #: Root mean square of the logarithms of rates and rises, new over old, at which two runs look like those of two machines.
 ANOTHER = 0.35
 #: What each kind says in words.
@@ -104,96 +87,85 @@ def compare_runs(
     ------
     UsageError: no runs, no sensor that all have, too few readings, a sensor that does not move, or a run on both sides.
     """
-    if model is not None and old:
-        raise UsageError("--model takes the place of OLD runs", do="leave one of them out")
-    for side, runs in (("OLD", old), ("--new", new)):
-        if not runs and not (side == "OLD" and model is not None):
-            raise UsageError(f"no run is given as {side}", do="as in: thermofast changed before.csv --new after.csv")
-    both = {run.name for run, _ in old} & {run.name for run, _ in new}
-    if both:
-        raise UsageError(f"{both.pop()} is old and new", do="give each run on one side")
-    seen = [_observed(one) for one in (*old, *new)]
-    refuse_copies((one.name, one) for one in seen)
-    if model is not None:
-        longest = max(seen, key=lambda s: s.span)
-        seen.insert(0, as_learnt(model.file, longest, longest.name, model.source))
-    many = max(len(old), 1)
-    channels = [c for c in seen[0].channels if all(c in s.channels for s in seen)]
-    if not channels:
-        other = min(seen[1:], key=lambda s: len({*s.channels} & {*seen[0].channels}))
-        raise UsageError(
-            "the runs have no sensor in common",
-            found=f"{seen[0].name}: {', '.join(seen[0].channels[:6])}; {other.name}: {', '.join(other.channels[:6])}",
-            do="give runs of one machine, their sensors named alike",
-        )
-    span = min(s.span for s in seen)
-    mine = [s.only(channels) for s in seen]
-    if any(s.sink_c is None or follows_machine(s.filled, next(iter(s.ambient.values()))) for s in mine):
-        mine = [replace(s, ambient={}) for s in mine]
-    fits = [without_room(s.until(float(s.time[0]) + span)) for s in mine]
-    straight = _straight(fits)
-    if straight:
-        channels = [c for c in channels if c not in straight]
-        fits = [fit_model(f.run.only(channels)) for f in fits]  # without what its room did already
-    _same_way(fits, many)
-    logged = fits[0].run.sink_c is not None
-    starts, levels = (
-        np.array([np.asarray(f.values[k], dtype=float) - (f.run.sink_c or 0.0) for f in fits]) for k in (START, LEVEL)
-    )
-    rise = (levels - starts)[many:].mean(axis=0)
-    warmer = starts[many:].mean(axis=0) - starts[:many].mean(axis=0)
-    begun = Begun(warmer, rise, 1.0 - WARM, ROOM_ERROR) if logged else Begun(warmer, rise)
-    numbers = [_numbers(fit, LOGGED_DRIFT if logged else 1.0) for fit in fits]
-    if model is not None:
-        numbers[0] = replace(numbers[0], runs=1 + len(model.file.also_from))
-    seen_as = changes(numbers[:many], numbers[many:], begun)
-    found = seen_as.changes
-    if model is None or not logged:
-        found = _with_room(fits, starts, many, found, seen_as.same_start)
-    difference, deviation = seen_as.difference, np.sqrt(np.diag(seen_as.noise))
-    first = _first(seen, channels, model)
+    sides = Sides.of(old, new, model)
+    seen_as = changes(*sides.numbers(), sides.begun)
+    found, difference, deviation = seen_as.changes, seen_as.difference, np.sqrt(np.diag(seen_as.noise))
+    if sides.knows_rooms:
+        found = _with_room(sides.fits, sides.starts, sides.old, found, seen_as.same_start)
     swapped = found[0].kind == "exchanged" and found[0].probability >= SURE
-    if first is not None and not swapped:  # each of the two began elsewhere, and neither probe is off
-        begin, stands_for = (starts, 1) if model is None else (first, 1 + len(model.file.also_from))
-        found = with_offset(found, begin, levels - starts, many, deviation[len(channels) :], stands_for)
-    verdict, status = _verdict(found, float(np.median(deviation[: len(channels)])))
-    asked = _asked_for([f.run for f in fits], many) if model is None else {}
+    if sides.first is not None and not swapped:  # each of the two began elsewhere, and neither probe is off
+        begin = sides.starts if model is None else sides.first
+        of_rises = deviation[len(sides.channels) :]
+        found = with_offset(found, begin, sides.levels - sides.starts, sides.old, of_rises, sides.stand_for)
+    judged = _judged(sides, found, swapped, float(np.median(deviation[: len(sides.channels)])))
+    notes = [*judged.notes, *_beyond_kinds(sides, found, judged.verdict, difference)]
+    likely = [c for c in found if c.probability > 0.001 or c.kind == "nothing"]
+    notes[:0] = _or_else(likely, sides.channels, judged.status)
+    names, told = ", ".join(run.name for run, _ in new), (judged.verdict, judged.status)
+    records = [_record(names, c, sides.channels, *told, None if k else notes) for k, c in enumerate(likely)]
+    return records, Difference(sides.channels, difference, deviation, judged.verdict)
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """What is said to have changed, and what speaks against saying so, or beside it."""
+
+    verdict: str
+    status: str
+    notes: list[str]
+
+
+def _judged(sides: Sides, found: Sequence[Change], swapped: bool, unsure: float) -> _Judged:
+    """The verdict on kinds of change, where the runs allow one; swapped: two sensors were exchanged. unsure as in _verdict."""
+    verdict, status = _verdict(found, unsure)
+    asked = _asked_for([f.run for f in sides.fits], sides.old) if sides.model is None else {}
     if verdict == "heat" and any(_accounts_for(found[0], ratio) for ratio in asked.values()):
         verdict, status = "nothing or heat", "not_determined"
-    names = ", ".join(run.name for run, _ in new)
-    told = {channels[c.sensor] for c in found[:1] if c.kelvin and c.sensor is not None}
-    apart = [] if first is None or swapped else _apart(first, many, channels)
-    apart = [n for n in apart if not any(n.startswith(f"{c} began") for c in told)]
-    others = np.arange(len(rise)) != (found[0].sensor if verdict == "sensor" else None)
-    # Where a test is logged late the sensor that is accused ends where it did, too: it began up on its rise.
-    others |= np.abs(levels[many:].mean(axis=0) - levels[:many].mean(axis=0)) < ENDS_ALIKE * np.abs(warmer)
-    late = _late(warmer[others], rise[others]) if verdict in ("sensor", "contact") else []
-    if late:  # what each sensor does by itself then is how the machine had warmed
-        verdict, status = "cannot tell", "not_determined"
-    bent = _bent(fits, many, channels) if not verdict.startswith("nothing") else []
-    if bent:  # of a load that changed within a run rate and rise tell nothing
+    apart = _began_apart(sides, found) if not swapped else []
+    late = _logged_late(sides, found[0], verdict)
+    bent = _bent(sides.fits, sides.old, sides.channels) if not verdict.startswith("nothing") else []
+    if late or bent:
+        # What each sensor does by itself is how the machine had warmed; of a load that changed within rate and rise tell nothing.
         verdict, status = "cannot tell", "not_determined"
     if verdict == "nothing" and (apart or _of_a_size(found)):  # rates and rises do not know of a probe that is off
         status = "not_determined"
-    notes = [
-        *late,
-        *bent,
-        *_asked_words(asked, verdict),
-        *(_rooms(first, many) if first is not None and (model is None or not logged) else []),
-        *apart,
-    ]
+    rooms = _rooms(sides.first, sides.old) if sides.first is not None and sides.knows_rooms else []
+    return _Judged(verdict, status, [*late, *bent, *_asked_words(asked, verdict), *rooms, *apart])
+
+
+def _began_apart(sides: Sides, found: Sequence[Change]) -> list[str]:
+    """What to say of sensors that began elsewhere against the others, but for a probe that is told to be off."""
+    if sides.first is None:
+        return []
+    told = {sides.channels[c.sensor] for c in found[:1] if c.kelvin and c.sensor is not None}
+    apart = _apart(sides.first, sides.old, sides.channels)
+    return [n for n in apart if not any(n.startswith(f"{c} began") for c in told)]
+
+
+def _logged_late(sides: Sides, first: Change, verdict: str) -> list[str]:
+    """What to say where sensors that changed each in their way began the new runs well up on their rise."""
+    if verdict not in ("sensor", "contact"):
+        return []
+    others = np.arange(len(sides.rise)) != (first.sensor if verdict == "sensor" else None)
+    # Where a test is logged late the sensor that is accused ends where it did, too: it began up on its rise.
+    others |= np.abs(sides.settles_higher) < ENDS_ALIKE * np.abs(sides.warmer)
+    return _late(sides.warmer[others], sides.rise[others])
+
+
+def _beyond_kinds(sides: Sides, found: Sequence[Change], verdict: str, difference: Array) -> list[str]:
+    """What to know beside the kind of change: what would have shown, another machine, and sensors that do not count."""
+    channels, notes = sides.channels, list[str]()
     if verdict.startswith("nothing") or verdict == "cannot tell":
         notes.append(_visible(found, len(channels)))
     if verdict == "contact" and float(np.sqrt(np.mean(difference**2))) > ANOTHER:
         notes.append("so much differs that they may be another machine's, or of sensors in other places")
-    notes += [f"hardly bent, where they settle does not show, and left out: {listed(straight)}"] if straight else []
-    left = sorted({c for s in seen for c in s.channels} - set(channels) - set(straight))
-    notes += [f"not in every run and left out: {', '.join(left)}"] if left else []
-    notes += ["of one sensor, its own change is not told from the machine's"] if len(channels) == 1 else []
-    likely = [c for c in found if c.probability > 0.001 or c.kind == "nothing"]
-    notes[:0] = _or_else(likely, channels, status)
-    records = [_record(names, c, channels, verdict, status, None if k else notes) for k, c in enumerate(likely)]
-    return records, Difference(tuple(channels), difference, deviation, verdict)
+    if sides.straight:
+        notes.append(f"hardly bent, where they settle does not show, and left out: {listed(sides.straight)}")
+    if sides.left_out:
+        notes.append(f"not in every run and left out: {', '.join(sides.left_out)}")
+    if len(channels) == 1:
+        notes.append("of one sensor, its own change is not told from the machine's")
+    return notes
 
 
 def _with_room(fits: Sequence[Fit], starts: Array, old: int, found: list[Change], same_start: float) -> list[Change]:
@@ -209,65 +181,6 @@ def _with_room(fits: Sequence[Fit], starts: Array, old: int, found: list[Change]
     size = float(rooms[old:].mean() - rooms[:old].mean())
     deviation = error * math.sqrt(1.0 / old + 1.0 / (len(fits) - old))
     return with_room(found, likely * other_room(rooms[:old], rooms[old:], error), size, deviation)
-
-
-def _observed(one: Started) -> Observations:
-    run, start = one
-    seen = observe(run, start).seen
-    if seen is None or int(seen.used.sum(axis=1).min()) < FEWEST_READINGS:
-        every = seen is None or int(seen.used.sum(axis=1).max()) < FEWEST_READINGS
-        raise UsageError(
-            f"{run.name}: too few readings",
-            allowed=f"{FEWEST_READINGS} or more in every sensor",
-            do="give a longer run" if every else "choose --channels",
-        )
-    return seen
-
-
-def _same_way(fits: Sequence[Fit], old: int) -> None:
-    """Raises UsageError where the new runs cool down and the `old` ones warm up, or the other way round."""
-    moves = [_rise(f) for f in fits]
-    before, after = np.mean(moves[:old], axis=0), np.mean(moves[old:], axis=0)
-    against = before * after < 0.0
-    if against.mean() > 0.5:
-        way = ("warms up", "cools down") if float(np.median(before)) > 0.0 else ("cools down", "warms up")
-        raise UsageError(
-            "what changed cannot be told from runs that go opposite ways",
-            found=f"{fits[0].run.name} {way[0]}, {fits[-1].run.name} {way[1]}",
-            do="compare a warm-up with a warm-up",
-        )
-
-
-def _rise(fit: Fit) -> Array:
-    """Fitted rises (S,) [K]."""
-    rise: Array = np.asarray(fit.values[LEVEL], dtype=float) - np.asarray(fit.values[START], dtype=float)
-    return rise
-
-
-def _straight(fits: Sequence[Fit]) -> list[str]:
-    """Sensors that in some run move little and are hardly bent, while others are: what is known of them lies along no line of
-    logarithms. One that moves as much as the others is what a run is of, however straight.
-    """
-    channels, unsure = fits[0].run.channels, np.zeros(fits[0].run.sensors)
-    for fit in fits:
-        numbers = RunNumbers.of(fit, widening(fit))
-        if numbers is not None:
-            unsure = np.maximum(unsure, np.sqrt(np.diag(numbers.covariance)).reshape(2, -1).max(axis=0))
-    bent = unsure <= UNKNOWN
-    if bent.sum() < max(2.0, ENOUGH * len(bent)):
-        return []
-    moved = np.mean([f.run.moved for f in fits], axis=0)
-    weak = ~bent & (moved < WEAK * float(np.median(moved[bent])))
-    return [c for c, left_out in zip(channels, weak, strict=True) if left_out]
-
-
-def _numbers(fit: Fit, drift: float) -> RunNumbers:
-    found = RunNumbers.of(fit, widening(fit), drift)
-    if found is None or not np.all(np.isfinite(found.covariance)):
-        raise UsageError(
-            f"{fit.run.name}: a sensor does not move", found=", ".join(fit.run.channels[:8]), do="choose others with --channels"
-        )
-    return found
 
 
 def _verdict(found: Sequence[Change], unsure: float) -> tuple[str, str]:
@@ -368,21 +281,6 @@ def _visible(found: Sequence[Change], sensors: int) -> str:
     return f"would most likely have shown: {', '.join(sizes)}{alone}"
 
 
-def _first(seen: Sequence[Observations], channels: Sequence[str], model: Model | None) -> Array | None:
-    """First readings (K, S) [degC] of the runs, in the first place those that a model was learnt from: what its fit makes of them
-    is no reading. None where it does not say.
-    """
-    of = [s.only(list(channels)) for s in seen]
-    some = 1 if model is None else 3  # as past runs are kept in a model: a point near the heat moves from the first reading on
-    first = np.array([[np.median(row[u][:some]) for row, u in zip(s.reading, s.used, strict=True)] for s in of])
-    if model is not None:
-        told = first_readings(model.file, channels)
-        if told is None:
-            return None
-        first[0] = told
-    return first
-
-
 def _rooms(first: Array, old: int) -> list[str]:
     """What to say where the new runs, which follow `old` others, began in another room; first (K, S) [degC]."""
     began = np.nanmedian(first, axis=1)
@@ -441,7 +339,7 @@ def _bent(fits: Sequence[Fit], old: int, channels: Sequence[str]) -> list[str]:
         misfit = np.array([np.mean(np.square(row[used])) for row, used in zip(fit.residual, fit.run.used, strict=True)])
         left.append(np.sqrt(np.maximum(misfit - np.square(noise), 0.0)))
     kelvin = np.array(left)
-    rises = np.array([_rise(f) for f in fits])
+    rises = np.array([rises_of(f) for f in fits])
     # The fitted rise of one that hardly moves may be anything.
     share = kelvin / np.maximum([f.run.moved for f in fits], np.abs(rises))
     for mine, side, others, other in ((slice(old, None), "new", slice(old), "old"), (slice(old), "old", slice(old, None), "new")):

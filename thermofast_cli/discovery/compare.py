@@ -24,8 +24,8 @@ from ..analysis.unknown_heat import NO_COLUMN, NO_WATTS, OWN_RATE, NeededHeat, h
 from ..errors import ThermofastError
 from ..errors import rounded as rounded_number
 from ..records import CompareRecord, finite
-from .colour import colour_of
-from .loop import LoopTask, ahead_errors, curve_ahead, failure_records, first_model, ids_of, in_order, ready, refused_records
+from .colour import Colour, colour_of
+from .loop import LoopTask, Ready, ahead_errors, curve_ahead, failure_records, first_model, ids_of, in_order, ready, refused_records
 from .stretches import failing_stretches, steps_near
 
 Array = NDArray[np.float64]
@@ -85,103 +85,166 @@ def _compare(task: LoopTask) -> Comparison:
     observed, prepared = ready(task)
     if prepared is None:
         return Comparison(refused_records(CompareRecord, task.run.name, observed))
-    whole, seen = prepared.whole, prepared.seen
-    fit, notes = first_model(task, prepared)
-    ahead = ahead_errors(fit, whole) if task.until_min is not None else held_out_errors(fit)
-    floor = sensor_p_values(fit)
-    curve = curve_ahead(fit)
-    plain = np.where(whole.used, np.nan_to_num(whole.reading) - curve, np.nan)
-    # What a reading of whole steps leaves is what its cell leaves, for all sensors before any is set beside another.
-    rounded = [rounded_residual(fit, i) if np.array_equal(whole.used[i], fit.run.used[i]) else None for i in range(len(plain))]
-    residual = np.stack([plain[i] if r is None else np.where(whole.used[i], r, np.nan) for i, r in enumerate(rounded)])
-    effects = ids_of(fit.model.parts)
-    low, high = (bound + curve - fit.curve for bound in curve_bounds(fit, dict(task.input_ranges)))
-    if task.input_ranges and float((high - low).max(initial=0.0)) == 0.0:
-        notes = [*notes, f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing"]
-    needed, about_heat = _needed(task, fit, whole)
+    compared = _Compared.of(task, prepared)
+    whole = prepared.whole
+    clean = Denoised(task.run.name, whole.time + task.start_min, whole.ambient | whole.inputs) if task.denoise else None
     records, panels = [], []
-    beside = whole.ambient | whole.inputs
-    clean = Denoised(task.run.name, whole.time + task.start_min, beside) if task.denoise else None
     for i, channel in enumerate(whole.channels):
-        colour = colour_of(fit, i, float(floor[i]), rounded[i])
         kept = ""
         if clean is not None:
-            found, kept = denoised(fit, i)
+            found, kept = denoised(compared.fit, i)
             clean.sensors.update({channel: found} if found is not None else {})
-        # Errors of slow parameters and of running means grow with the long-run variance of the noise, not with that of a reading.
-        wider = math.sqrt(colour.long_run_factor) if colour.short else 1.0
-        noise = wider * float(fit.noise[i]) if colour.short else float(seen.noise[i])
-        unsure = wider * fit.curve_deviation(i)
-        stretches = failing_stretches(whole.time, residual[i], whole.weight[i], noise, unsure)
-        worst = max(stretches, key=lambda s: abs(s[2]), default=None)
-        unused = whole.used[i] & ~fit.run.used[i]
-        bias = float(np.mean(plain[i][unused if unused.any() else fit.run.used[i]]))
-        along = correlations(fit, whole, residual, i)
-        count = int(whole.used[i].sum())
-        few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
-        constants = (needed and needed.constants(i)) or _constants(fit, i, wider)
-        told = constants.in_words() if constants else ""
-        messages = [kept, told, few, colour.words, _in_words(along), *about_heat, *notes, *prepared.notes_of(channel)]
-        if stretches and floor[i] >= RULES.pattern and unused.any():
-            steps = steps_near(whole, min(a for a, _, _ in stretches))
-            messages.insert(0, HOLDS + ("; ".join(f"{s}, where it begins to fail" for s in steps) or UNSEEN))
-        # Noise that is coloured by the logger is no misfit: what remains once its colour is taken off decides.
-        sound = (floor[i] >= RULES.pattern and not colour.cycles) or (colour.short and colour.whitened_p >= RULES.pattern)
-        status = "ok" if sound and not stretches else "model_doubtful"
-        if status == "ok" and unused.any() and ahead[i] > OPEN * noise:
-            status = "not_determined"
-            messages.insert(0, _left_open(float(ahead[i]), noise, float(np.median(unsure[unused]))))
-        records.append(
-            CompareRecord(
-                task.run.name,
-                channel,
-                effects=effects,
-                until_min=task.until_min,
-                samples=int(fit.readings[i]),
-                rmse_fit_c=float(fit.rmse[i]),
-                rmse_ahead_c=finite(ahead[i]),
-                rmse_one_step_c=_one_step(fit, whole, i),
-                bias_c=bias,
-                noise_c=float(seen.noise[i]),
-                whiteness_p=float(floor[i]),
-                noise_order=colour.order,
-                whitened_p=finite(colour.whitened_p),
-                long_run_factor=colour.long_run_factor,
-                area_metric_c=_area(whole, fit, curve, low, high, i) if whole.used[i].any() else None,
-                worst_from_min=worst[0] if worst else None,
-                worst_to_min=worst[1] if worst else None,
-                worst_error_c=worst[2] if worst else None,
-                failing=[{"from_min": a, "to_min": b, "size_c": s} for a, b, s in stretches],
-                goes_along_with=along,
-                unknown_heat=heat_rows(needed.heats[i], needed.in_watts[i]) if needed else [],
-                heat_follows=[f.as_dict() for f in needed.follows] if needed else [],
-                **(constants.as_columns() if constants else {}),
-                status=status,
-                message="; ".join(dict.fromkeys(m for m in messages if m)),
-            )
-        )
+        failing = compared.failing(i)
+        records.append(compared.record(i, failing, kept))
         if task.want_curves:
-            name = "base model" if not effects else "base + " + " + ".join(effects)
-            panels.append(
-                Panel(
-                    task.run.name,
-                    channel,
-                    whole.time,
-                    np.where(whole.used[i], whole.reading[i], np.nan),
-                    curve[i],
-                    stretches,
-                    task.fitted_min,
-                    name,
-                    float(seen.noise[i]),
-                    {**whole.ambient, **whole.inputs, **drive_of(whole)},
-                    needed.heats[i] if needed else None,
-                    needed.in_watts[i] if needed else None,
-                )
-            )
+            panels.append(compared.panel(i, failing.stretches))
     said = left_together(records, task.until_min)
     records = [replace(r, message=f"{said}; {r.message}" if r.message else said) for r in records] if said else records
     records += refused_records(CompareRecord, task.run.name, observed)
     return Comparison(in_order(records, task.run), panels, clean)
+
+
+@dataclass(frozen=True)
+class _Failing:
+    """Where a sensor's model fails: stretches (from, to [min], size [K]).
+
+    colour: of what it leaves, which counts in noise [K] and unsure (N,) [K], the deviation of the curve, `wider` times both.
+    """
+
+    colour: Colour
+    wider: float
+    noise: float
+    unsure: Array
+    stretches: list[tuple[float, float, float]]
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """A run and its model: what all sensors have, before each is told of. Arrays are (S, N) over all its readings.
+
+    ahead (S,) [K]: error on readings that the fit has not seen; floor (S,): p values of a pattern in the residuals; plain and
+    residual [K]: what the model leaves, and that without the logger's rounding; low, high [degC]: the curve within input ranges.
+    """
+
+    task: LoopTask
+    prepared: Ready
+    fit: Fit
+    notes: list[str]
+    ahead: Array
+    floor: Array
+    curve: Array
+    plain: Array
+    rounded: list[Array | None]
+    residual: Array
+    low: Array
+    high: Array
+    needed: NeededHeat | None
+    about_heat: list[str]
+
+    @classmethod
+    def of(cls, task: LoopTask, prepared: Ready) -> "_Compared":
+        """The model of a task fitted to its run."""
+        whole = prepared.whole
+        fit, notes = first_model(task, prepared)
+        ahead = ahead_errors(fit, whole) if task.until_min is not None else held_out_errors(fit)
+        curve = curve_ahead(fit)
+        plain = np.where(whole.used, np.nan_to_num(whole.reading) - curve, np.nan)
+        # What a reading of whole steps leaves is what its cell leaves, for all sensors before any is set beside another.
+        rounded = [rounded_residual(fit, i) if np.array_equal(whole.used[i], fit.run.used[i]) else None for i in range(len(plain))]
+        residual = np.stack([plain[i] if r is None else np.where(whole.used[i], r, np.nan) for i, r in enumerate(rounded)])
+        low, high = (bound + curve - fit.curve for bound in curve_bounds(fit, dict(task.input_ranges)))
+        if task.input_ranges and float((high - low).max(initial=0.0)) == 0.0:
+            notes = [*notes, f"the model does not use {', '.join(n for n, _ in task.input_ranges)}: the range changes nothing"]
+        needed = _needed(task, fit, whole)
+        return cls(task, prepared, fit, notes, ahead, sensor_p_values(fit), curve, plain, rounded, residual, low, high, *needed)
+
+    def failing(self, i: int) -> _Failing:
+        """Where the model of the i-th sensor fails."""
+        fit, whole = self.fit, self.prepared.whole
+        colour = colour_of(fit, i, float(self.floor[i]), self.rounded[i])
+        # Errors of slow parameters and of running means grow with the long-run variance of the noise, not with that of a reading.
+        wider = math.sqrt(colour.long_run_factor) if colour.short else 1.0
+        noise = wider * float(fit.noise[i]) if colour.short else float(self.prepared.seen.noise[i])
+        unsure = wider * fit.curve_deviation(i)
+        stretches = failing_stretches(whole.time, self.residual[i], whole.weight[i], noise, unsure)
+        return _Failing(colour, wider, noise, unsure, stretches)
+
+    def _unused(self, i: int) -> NDArray[np.bool_]:
+        """Readings (N,) that the fit has not seen."""
+        unused: NDArray[np.bool_] = self.prepared.whole.used[i] & ~self.fit.run.used[i]
+        return unused
+
+    def _verdict(self, i: int, failing: _Failing) -> tuple[str, str]:
+        """Status of the i-th sensor, and what is said first."""
+        colour, stretches, unused = failing.colour, failing.stretches, self._unused(i)
+        left, said = self.floor[i] >= RULES.pattern, ""
+        if stretches and left and unused.any():
+            steps = steps_near(self.prepared.whole, min(a for a, _, _ in stretches))
+            said = HOLDS + ("; ".join(f"{s}, where it begins to fail" for s in steps) or UNSEEN)
+        # Noise that is coloured by the logger is no misfit: what remains once its colour is taken off decides.
+        sound = (left and not colour.cycles) or (colour.short and colour.whitened_p >= RULES.pattern)
+        if stretches or not sound:
+            return "model_doubtful", said
+        if unused.any() and self.ahead[i] > OPEN * failing.noise:
+            return "not_determined", _left_open(float(self.ahead[i]), failing.noise, float(np.median(failing.unsure[unused])))
+        return "ok", said
+
+    def record(self, i: int, failing: _Failing, kept: str) -> CompareRecord:
+        """What is told of the i-th sensor; kept: what there is to say of its readings without noise."""
+        task, fit, whole, colour, needed = self.task, self.fit, self.prepared.whole, failing.colour, self.needed
+        channel, unused, count = whole.channels[i], self._unused(i), int(whole.used[i].sum())
+        worst = max(failing.stretches, key=lambda s: abs(s[2]), default=None)
+        along = correlations(fit, whole, self.residual, i)
+        few = "" if enough(count) else f"area metric of {count} readings: at least {FEWEST} are needed to rank models by it"
+        constants = (needed and needed.constants(i)) or _constants(fit, i, failing.wider)
+        status, first = self._verdict(i, failing)
+        said = [first, kept, constants.in_words() if constants else "", few, colour.words, _in_words(along)]
+        said += [*self.about_heat, *self.notes, *self.prepared.notes_of(channel)]
+        return CompareRecord(
+            task.run.name,
+            channel,
+            effects=ids_of(fit.model.parts),
+            until_min=task.until_min,
+            samples=int(fit.readings[i]),
+            rmse_fit_c=float(fit.rmse[i]),
+            rmse_ahead_c=finite(self.ahead[i]),
+            rmse_one_step_c=_one_step(fit, whole, i),
+            bias_c=float(np.mean(self.plain[i][unused if unused.any() else fit.run.used[i]])),
+            noise_c=float(self.prepared.seen.noise[i]),
+            whiteness_p=float(self.floor[i]),
+            noise_order=colour.order,
+            whitened_p=finite(colour.whitened_p),
+            long_run_factor=colour.long_run_factor,
+            area_metric_c=_area(whole, fit, self.curve, self.low, self.high, i) if whole.used[i].any() else None,
+            worst_from_min=worst[0] if worst else None,
+            worst_to_min=worst[1] if worst else None,
+            worst_error_c=worst[2] if worst else None,
+            failing=[{"from_min": a, "to_min": b, "size_c": s} for a, b, s in failing.stretches],
+            goes_along_with=along,
+            unknown_heat=heat_rows(needed.heats[i], needed.in_watts[i]) if needed else [],
+            heat_follows=[f.as_dict() for f in needed.follows] if needed else [],
+            **(constants.as_columns() if constants else {}),
+            status=status,
+            message="; ".join(dict.fromkeys(m for m in said if m)),
+        )
+
+    def panel(self, i: int, stretches: list[tuple[float, float, float]]) -> Panel:
+        """What a picture of the i-th sensor shows."""
+        whole, needed, effects = self.prepared.whole, self.needed, ids_of(self.fit.model.parts)
+        return Panel(
+            self.task.run.name,
+            whole.channels[i],
+            whole.time,
+            np.where(whole.used[i], whole.reading[i], np.nan),
+            self.curve[i],
+            stretches,
+            self.task.fitted_min,
+            "base model" if not effects else "base + " + " + ".join(effects),
+            float(self.prepared.seen.noise[i]),
+            {**whole.ambient, **whole.inputs, **drive_of(whole)},
+            needed.heats[i] if needed else None,
+            needed.in_watts[i] if needed else None,
+        )
 
 
 def _left_open(ahead: float, noise: float, unsure: float) -> str:

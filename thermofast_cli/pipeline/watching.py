@@ -5,7 +5,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -132,68 +132,115 @@ def watch_run(
         follower = Follower(source)
         if not follower.path.exists():
             _awaited(follower.path, tell)
-    name = "stdin" if source == "-" else source
+    return _Following(follower, "stdin" if source == "-" else source, options, watch, begin, leave, tell).followed(
+        poll_s, give_up_min
+    )
+
+
+@dataclass
+class _Following:
+    """A file or pipe that is followed: what was read of it last, what is wrong with it, and what was told of it.
+
+    last: the last look and the run it was at; seen: bytes that it was at; trouble: why it cannot be read now; unread: how often
+    something came of which nothing could be read; told: notes that were told.
+    """
+
+    follower: Piped | Follower
+    name: str
+    options: Options
+    watch: Watch
+    begin: float | None
+    leave: bool
+    tell: Tell
     last: tuple[Look, Run] | None = None
-    clock, trouble, told, seen = _Clock(time.monotonic()), "", set[str](), 0
+    seen: int = 0
+    trouble: str = ""
+    unread: int = 0
+    told: set[str] = field(default_factory=set)
+    clock: _Clock = field(default_factory=lambda: _Clock(time.monotonic()))
 
-    def looked(data: bytes, at_end: bool) -> bool:
-        """Reads what there is, and looks where that is worth it; whether the watch may be left."""
-        nonlocal last, trouble, seen
+    def followed(self, poll_s: float, give_up_min: float | None) -> tuple[Look, Run]:
+        """The last look, when the input has ended, the test can be stopped, nothing came for give_up_min, or by an interrupt.
+
+        Raises
+        ------
+        InputError: nothing could be read.
+        """
+        given_up = False
         try:
-            run, trouble = read_growing(data, options, name), ""
-        except ThermofastError as error:
-            before, trouble = trouble, str(error)  # a heading alone is no record yet
-            if last is not None and trouble != before:
-                tell(None, (f"cannot be read since {rounded(last[1].time_s[-1] / 60.0)} min: {trouble}",))
-            return False
-        if not _begun(run, begin) or not _worth(watch, run, at_end):
-            return False
-        clock.interval = float(np.median(np.diff(run.time_s)))
-        follower.notes += [n for n in run.notes if (CUT_ROW in n or BAD_ROW in n) and n not in told]
-        told.update(run.notes)
-        last, seen = (watch.look(run), run), len(data)
-        tell(last[0], tuple(follower.notes))
-        follower.notes.clear()
-        return leave and last[0].stop
+            while not given_up:
+                ended = self._ended  # asked before what there is, so that no last line is lost
+                data = self.follower.poll()
+                if data is not None:
+                    self.clock.seen, self.clock.said = time.monotonic(), False
+                    self.unread += self.last is None
+                    if self._looked(data, self._ended) and self.last is not None:
+                        return self.last
+                elif ended:
+                    break
+                silent = self._waited(poll_s)
+                given_up = give_up_min is not None and silent > 60.0 * give_up_min
+                if not given_up:
+                    time.sleep(poll_s)
+        except KeyboardInterrupt:
+            pass
+        # What came since the last look is not lost: an hour's readings are a hundred times what a look waits for.
+        with suppress(KeyboardInterrupt):
+            data = self.follower.rest() if given_up and isinstance(self.follower, Follower) else self.follower.text
+            if data and len(data) != self.seen:
+                self._looked(data, True)
+        if self.last is None:
+            raise self._nothing_read()
+        return self.last
 
-    given_up, unread = False, 0
-    try:
-        while not given_up:
-            ended = isinstance(follower, Piped) and follower.ended  # asked before what there is, so that no last line is lost
-            data = follower.poll()
-            if data is not None:
-                clock.seen, clock.said = time.monotonic(), False
-                unread += last is None
-                if looked(data, isinstance(follower, Piped) and follower.ended) and last is not None:
-                    return last
-            elif ended:
-                break
-            if unread == UNREAD and last is None and trouble:
-                unread += 1
-                tell(None, (f"it grows, and nothing can be read of it yet: {trouble}",))
-            silent = time.monotonic() - clock.seen
-            if not clock.said and silent > SILENT * max(clock.interval, poll_s):
-                clock.said = True
-                gone = isinstance(follower, Follower) and last is not None and not follower.path.exists()
-                there = ": the file is no longer there" if gone else ""
-                tell(None, (trouble or f"no reading since {rounded(silent / 60.0)} min{there}",))
-            given_up = give_up_min is not None and silent > 60.0 * give_up_min
-            if not given_up:
-                time.sleep(poll_s)
-    except KeyboardInterrupt:
-        pass
-    # What came since the last look is not lost: an hour's readings are a hundred times what a look waits for.
-    with suppress(KeyboardInterrupt):
-        data = follower.rest() if given_up and isinstance(follower, Follower) else follower.text
-        if data and len(data) != seen:
-            looked(data, True)
-    if last is None:
-        never = isinstance(follower, Follower) and not follower.path.exists()
-        found, do = "the file never appeared" if never else trouble, ""
-        if never and Path(name.rpartition("#")[0]).is_file():
-            do = f"--replay 600 plays one run of a file; {name.rpartition('#')[0]} itself is followed in its last run"
-        raise InputError(f"{name}: nothing to foretell from was read", found=found, allowed=f"{FEWEST} readings or more", do=do)
-    return last
+    @property
+    def _ended(self) -> bool:
+        return isinstance(self.follower, Piped) and self.follower.ended
+
+    @property
+    def _gone(self) -> bool:
+        return isinstance(self.follower, Follower) and not self.follower.path.exists()
+
+    def _looked(self, data: bytes, at_end: bool) -> bool:
+        """Reads what there is, and looks where that is worth it; whether the watch may be left."""
+        try:
+            run, self.trouble = read_growing(data, self.options, self.name), ""
+        except ThermofastError as error:
+            before, self.trouble = self.trouble, str(error)  # a heading alone is no record yet
+            if self.last is not None and self.trouble != before:
+                since = rounded(self.last[1].time_s[-1] / 60.0)
+                self.tell(None, (f"cannot be read since {since} min: {self.trouble}",))
+            return False
+        if not _begun(run, self.begin) or not _worth(self.watch, run, at_end):
+            return False
+        self.clock.interval = float(np.median(np.diff(run.time_s)))
+        notes = self.follower.notes
+        notes += [n for n in run.notes if (CUT_ROW in n or BAD_ROW in n) and n not in self.told]
+        self.told.update(run.notes)
+        self.last, self.seen = (self.watch.look(run), run), len(data)
+        self.tell(self.last[0], tuple(notes))
+        notes.clear()
+        return self.leave and self.last[0].stop
+
+    def _waited(self, poll_s: float) -> float:
+        """For how long nothing has come [s]; it is said once, as is that nothing can be read of what comes."""
+        if self.unread == UNREAD and self.last is None and self.trouble:
+            self.unread += 1
+            self.tell(None, (f"it grows, and nothing can be read of it yet: {self.trouble}",))
+        silent = time.monotonic() - self.clock.seen
+        if not self.clock.said and silent > SILENT * max(self.clock.interval, poll_s):
+            self.clock.said = True
+            there = ": the file is no longer there" if self.last is not None and self._gone else ""
+            self.tell(None, (self.trouble or f"no reading since {rounded(silent / 60.0)} min{there}",))
+        return silent
+
+    def _nothing_read(self) -> InputError:
+        path, do = self.name.rpartition("#")[0], ""
+        if self._gone and Path(path).is_file():
+            do = f"--replay 600 plays one run of a file; {path} itself is followed in its last run"
+        found = "the file never appeared" if self._gone else self.trouble
+        what = f"{self.name}: nothing to foretell from was read"
+        return InputError(what, found=found, allowed=f"{FEWEST} readings or more", do=do)
 
 
 def _awaited(path: Path, tell: Tell) -> None:

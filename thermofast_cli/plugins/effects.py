@@ -162,6 +162,17 @@ def declaration_problem(kind: Any) -> str | None:
     """What is wrong with the data of a would-be effect, or None."""
     if not (isinstance(kind, type) and issubclass(kind, Effect)):
         return f"found {kind!r}, needed a class derived from thermofast.models.effects.Effect"
+    return (
+        _kind_problem(kind)
+        or _parameters_problem(kind.parameters)
+        or misspelt(kind, Effect)
+        or _references_problem(kind, [p.name for p in kind.parameters])
+        or next((said for p in kind.parameters if (said := _parameter_problem(kind, p))), None)
+    )
+
+
+def _kind_problem(kind: type[Effect]) -> str | None:
+    """What is wrong with what an effect says of itself."""
     for name in ("id", "summary", "equation", "tell_tale"):
         value = getattr(kind, name, None)
         if not isinstance(value, str) or not value or value == "abstract":
@@ -172,7 +183,11 @@ def declaration_problem(kind: Any) -> str | None:
         return f"its scope must be one of {', '.join(SCOPES)} (found {kind.scope!r})"
     if kind.apply is Effect.apply:
         return "it has no apply(self, drive, run, p)"
-    parameters = kind.parameters
+    return None
+
+
+def _parameters_problem(parameters: Any) -> str | None:
+    """What is wrong with what should be a tuple of parameters."""
     if isinstance(parameters, Parameter):
         return "its parameters must be a tuple: of one alone, with a comma behind it, (Parameter(...),)"
     if not isinstance(parameters, tuple | list) or not parameters or not all(isinstance(p, Parameter) for p in parameters):
@@ -185,26 +200,33 @@ def declaration_problem(kind: Any) -> str | None:
             return f"parameter {p.name!r}: low, high and start must be numbers (found {p.low!r}, {p.high!r}, {p.start!r})"
         if p.null is not None and (not isinstance(p.null, int | float) or isinstance(p.null, bool)):
             return f"parameter {p.name!r}: its null must be a number (found {p.null!r})"
-    if slip := misspelt(kind, Effect):
-        return slip
+    return None
+
+
+def _references_problem(kind: type[Effect], names: list[str]) -> str | None:
+    """What is wrong with those parameters, of these names, that an effect names."""
     if kind.amplitude not in names:
         return f"its amplitude must be one of its parameters {names} (found {kind.amplitude!r})"
-    main = parameters[names.index(kind.amplitude)]
+    main = kind.parameters[names.index(kind.amplitude)]
     if main.null is None:
         return f"its amplitude {main.name!r} needs a null: the value at which the effect vanishes"
     if kind.event is not None and kind.event not in names:
         return f"its event must be one of its parameters {names} (found {kind.event!r})"
     if kind.moves_room and kind.moves_room not in names:
         return f"its moves_room must be one of its parameters {names} (found {kind.moves_room!r})"
-    for p in parameters:
-        if p.settles not in ("", "rate", "time"):
-            return f"parameter {p.name!r}: settles is 'rate' or 'time' (found {p.settles!r})"
-        if not (p.low < p.high and p.low <= p.start <= p.high):
-            return f"parameter {p.name!r}: needed low < high and start between them (found {p.low}, {p.high}, {p.start})"
-        if p.log and p.low <= 0.0 and not p.least_steps:
-            return f"parameter {p.name!r}: a logarithmic scale needs low > 0 (found {p.low})"
-        if p.belongs not in ("machine", "run") or p.each not in ("run", "sensor"):
-            return f"parameter {p.name!r}: belongs is 'machine' or 'run', each is 'run' or 'sensor'"
-        if kind.scope != "run" and p.each != "sensor":
-            return f"parameter {p.name!r}: with scope {kind.scope!r} every parameter has each='sensor'"
+    return None
+
+
+def _parameter_problem(kind: type[Effect], p: Parameter) -> str | None:
+    """What is wrong with one parameter of an effect."""
+    if p.settles not in ("", "rate", "time"):
+        return f"parameter {p.name!r}: settles is 'rate' or 'time' (found {p.settles!r})"
+    if not (p.low < p.high and p.low <= p.start <= p.high):
+        return f"parameter {p.name!r}: needed low < high and start between them (found {p.low}, {p.high}, {p.start})"
+    if p.log and p.low <= 0.0 and not p.least_steps:
+        return f"parameter {p.name!r}: a logarithmic scale needs low > 0 (found {p.low})"
+    if p.belongs not in ("machine", "run") or p.each not in ("run", "sensor"):
+        return f"parameter {p.name!r}: belongs is 'machine' or 'run', each is 'run' or 'sensor'"
+    if kind.scope != "run" and p.each != "sensor":
+        return f"parameter {p.name!r}: with scope {kind.scope!r} every parameter has each='sensor'"
     return None

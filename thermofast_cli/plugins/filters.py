@@ -139,6 +139,17 @@ def track_problem(track: Any, count: int, closing: str) -> str | None:
     """What is wrong with what a filter of such a `closing` gave back for `count` readings, or None."""
     if not isinstance(track, Track):
         return f"track() gave {type(track).__name__}, needed thermofast.filters.Track"
+    return (
+        _shape_problem(track, count)
+        or _place_problem(track, count, closing)
+        or _weight_problem(track)
+        or _noise_problem(track)
+        or _state_problem(track, count)
+    )
+
+
+def _shape_problem(track: Track, count: int) -> str | None:
+    """What is wrong with the shapes and types of a track's arrays."""
     shapes: dict[str, tuple[int, ...]] = {"state": (count, 3), "covariance": (count, 3, 3)}
     for name in PER_READING:
         shapes[name] = (count,)
@@ -149,6 +160,11 @@ def track_problem(track: Any, count: int, closing: str) -> str | None:
         if not isinstance(values, np.ndarray) or values.dtype.kind != "f":
             kind = values.dtype if isinstance(values, np.ndarray) else type(values).__name__
             return f"its track's {name} is of type {kind}, needed an array of floats"
+    return None
+
+
+def _place_problem(track: Track, count: int, closing: str) -> str | None:
+    """What is wrong with where a track begins, and from where on it diverged."""
     for name in ("first", "diverged_at"):
         at = getattr(track, name)
         if name == "diverged_at" and at is None:
@@ -157,17 +173,32 @@ def track_problem(track: Any, count: int, closing: str) -> str | None:
             return f"its track's {name} is {at!r}, needed the number of a reading of {count}, from 0 on"
     if closing == "never" and track.first >= count:
         return "its track begins at no reading, and its closing is 'never': nothing would be estimated"
-    good = slice(track.first, track.diverged_at)
+    return None
+
+
+def _weight_problem(track: Track) -> str | None:
+    """What is wrong with the weights of the readings."""
     kept = track.weight[: track.diverged_at]
     wrong = kept[~((kept >= 0.0) & (kept <= 1.0))]
     if len(wrong):
         return f"its track's weight holds {wrong[0]:g}, needed 0 for a reading that it left out, else 1"
     if len(kept) and not kept.any():
         return "its track's weight leaves out every reading"
-    factor = track.noise_factor[: track.diverged_at][kept > 0.0]
+    return None
+
+
+def _noise_problem(track: Track) -> str | None:
+    """What is wrong with the factors of the noise, of readings that count."""
+    factor = track.noise_factor[: track.diverged_at][track.weight[: track.diverged_at] > 0.0]
     if not ((factor > 0.0) & np.isfinite(factor)).all():
         found = factor[~((factor > 0.0) & np.isfinite(factor))][0]
         return f"its track's noise_factor holds {found:g}, needed more than 0: 1 where the noise is as ever"
+    return None
+
+
+def _state_problem(track: Track, count: int) -> str | None:
+    """What is wrong with states and variances, before the filter diverged."""
+    good = slice(track.first, track.diverged_at)
     if not np.isfinite(track.state[good]).all():
         return "its track's state is not finite, and diverged_at does not say from which reading on"
     for name in ("noise_variance", "innovation_variance"):

@@ -45,52 +45,89 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
         return Layout(labels, told, None)
     if set(resolved(options, table.names, table.names).channels) & set(table.names):
         return None  # columns by themselves
-    words_of: dict[str, list[str] | None] = {n: _cells_of(table, n) for n in table.names if n not in time.used}
-    repeated = [n for n, c in words_of.items() if c is not None and _repeats(c)]
-    if not repeated:
-        return _of_one_sensor(table, time, words_of)
-    named = [n for n in repeated if set(words(n)) & SENSOR_NAMES and not set(words(n)) & REMARKS]
-    unclear = [n for n in repeated if n not in named and not set(words(n)) & REMARKS]
-    values = [n for n in table.names if n not in time.used and n not in repeated and isinstance(table.columns[n], np.ndarray)]
-    # Of readings with a word among them that nobody knows, the word is told, and no other number is taken for them.
-    sound = {n for n in values if n not in table.faults or set(words(n)) & READINGS}
-    values = [n for n in values if _varies(table.columns[n]) and n in sound and not set(words(n)) <= FLAGS - READINGS]
-    valued = [n for n in values if set(words(n)) & READINGS] or [
-        n for n in values if sign_of(n, table.units.get(n, "")).temperature
-    ]
-    if not values:
+    looks = _Looks.of(table, time)
+    if not looks.repeated:
+        return _of_one_sensor(table, time, looks.cells)
+    if not looks.values:
         return None
-    numbers = [n for n in repeated if isinstance(table.columns[n], np.ndarray)]
     if not table.header:
-        if any(n not in numbers for n in repeated):
-            raise _ask(table, [n for n in repeated if n not in numbers], values)
+        if looks.texts:
+            raise _ask(table, looks.texts, looks.values)
         return None
-    value = valued[0] if len(valued) == 1 else values[0] if len(values) == 1 else None
+    value = looks.reading()
     if value is None:
-        if named and _interleaved(time.seconds, words_of, tuple(n for n in named if n not in numbers)):
-            raise _ask(table, named, values)
+        if looks.named and looks.interleaved(tuple(n for n in looks.named if n not in looks.numbers)):
+            raise _ask(table, looks.named, looks.values)
         return None
-    sensor = tuple(n for n in named if n not in numbers) or tuple(n for n in named if n in numbers)[:1]
-    if not sensor and len(unclear) == 1 and unclear[0] not in numbers:
-        column = table.columns[value]
-        if _interleaved(time.seconds, words_of, (unclear[0],)) or _levels(words_of[unclear[0]], np.asarray(column)):
-            sensor = (unclear[0],)
+    sensor = looks.sensor(value)
     if not sensor:
         return None
-    sensor = (*sensor, *_beside(time.seconds, words_of, sensor, repeated))
-    in_turn = bool(set(words(value)) & READINGS) and _in_turn(words_of[sensor[0]])
-    if any(n in numbers for n in sensor) and not (in_turn or _interleaved(time.seconds, words_of, sensor)):
-        return None
     naming = f"{' and '.join(map(repr, sensor))} {'name' if len(sensor) > 1 else 'names'}"
-    return Layout(
-        sensor,
-        value,
-        Guess(
-            "layout",
-            f"a long table: {naming} the sensor, {value!r} is the reading",
-            "--long SENSOR,VALUE says otherwise",
-        ),
-    )
+    guess = f"a long table: {naming} the sensor, {value!r} is the reading"
+    return Layout(sensor, value, Guess("layout", guess, "--long SENSOR,VALUE says otherwise"))
+
+
+@dataclass(frozen=True)
+class _Looks:
+    """What the columns of a table look like to who asks whether it is long.
+
+    cells: of each column that may name sensors; repeated: those whose cells stand there again and again, and of these named, by
+    their heading, unclear, and numbers; values: columns of numbers that change.
+    """
+
+    table: Table
+    seconds: Array
+    cells: dict[str, list[str] | None]
+    repeated: list[str]
+    named: list[str]
+    unclear: list[str]
+    numbers: list[str]
+    values: list[str]
+
+    @classmethod
+    def of(cls, table: Table, time: Time) -> "_Looks":
+        """Of a table whose time is known."""
+        rest = [n for n in table.names if n not in time.used]
+        cells = {n: _cells_of(table, n) for n in rest}
+        repeated = [n for n, c in cells.items() if c is not None and _repeats(c)]
+        named = [n for n in repeated if set(words(n)) & SENSOR_NAMES and not set(words(n)) & REMARKS]
+        unclear = [n for n in repeated if n not in named and not set(words(n)) & REMARKS]
+        numbers = [n for n in repeated if isinstance(table.columns[n], np.ndarray)]
+        values = [n for n in rest if n not in repeated and isinstance(table.columns[n], np.ndarray)]
+        # Of readings with a word among them that nobody knows, the word is told, and no other number is taken for them.
+        values = [n for n in values if n not in table.faults or set(words(n)) & READINGS]
+        values = [n for n in values if _varies(table.columns[n]) and not set(words(n)) <= FLAGS - READINGS]
+        return cls(table, time.seconds, cells, repeated, named, unclear, numbers, values)
+
+    @property
+    def texts(self) -> list[str]:
+        """Those that repeat and are words."""
+        return [n for n in self.repeated if n not in self.numbers]
+
+    def interleaved(self, names: tuple[str, ...]) -> bool:
+        """As :func:`_interleaved`."""
+        return _interleaved(self.seconds, self.cells, names)
+
+    def reading(self) -> str | None:
+        """The column of the readings: the one that is called so, or a temperature, or the only one."""
+        valued = [n for n in self.values if set(words(n)) & READINGS]
+        valued = valued or [n for n in self.values if sign_of(n, self.table.units.get(n, "")).temperature]
+        if len(valued) == 1:
+            return valued[0]
+        return self.values[0] if len(self.values) == 1 else None
+
+    def sensor(self, value: str) -> tuple[str, ...]:
+        """The columns that together name the sensor of a row whose reading is `value`; none where that is not plain."""
+        found = tuple(n for n in self.named if n not in self.numbers) or tuple(n for n in self.named if n in self.numbers)[:1]
+        if not found and len(self.unclear) == 1 and self.unclear[0] not in self.numbers:
+            only, column = self.unclear[0], np.asarray(self.table.columns[value])
+            found = (only,) if self.interleaved((only,)) or _levels(self.cells[only], column) else ()
+        if not found:
+            return ()
+        found = (*found, *_beside(self.seconds, self.cells, found, self.repeated))
+        in_turn = bool(set(words(value)) & READINGS) and _in_turn(self.cells[found[0]])
+        by_number = any(n in self.numbers for n in found)
+        return () if by_number and not (in_turn or self.interleaved(found)) else found
 
 
 def _beside(seconds: Array, words_of: dict[str, list[str] | None], sensor: tuple[str, ...], repeated: list[str]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The one module that opens a user's records, and the steps from a table to its runs."""
+"""The one module that opens a user's records: from a path, standard input or memory to a table, and from there to its runs."""
 
 import hashlib
 import re
@@ -9,23 +9,12 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..errors import InputError, UsageError, listed, shown_name
 from ..reading_options import Options
-from .columns import Roles, classify, length_unit, resistive
-from .headings.called import check_names, column_named, resolved
-from .long import Layout, find_long, to_wide, without_switches
-from .moments.in_turn import each_in_turn
-from .moments.order import in_order, length_told, runs_otherwise
-from .moments.stamps import two_decimal_signs, two_signs
-from .moments.times import Time, find_time, is_time_name, length_of
-from .moments.zones import in_zone
-from .run import Guess, Run, Seen, SeenColumn, as_asked, renamed, told_of_sensors
-from .signs import sign_of
+from .from_table import runs_from_table
+from .run import Run, as_asked
 from .table import Table, read_parquet
 from .tables.cells import without_told
-from .tables.clocks import clocks_of_columns, with_one_clock
 from .tables.frames import NAME as IN_MEMORY
 from .tables.frames import table_of
 from .tables.limits import Limits, refuse_no_path
@@ -33,14 +22,6 @@ from .tables.measured import is_measured, measured_table
 from .tables.packed import is_workbook, unpacked
 from .tables.text import read_text
 from .tables.workbook import sheet_text
-from .units import parse_unit, unit_changes
-from .values.degrees import Temperatures, refuse_another_unit, refuse_words, unit_told, warm_inputs, winding
-from .values.faults import unmoved_gap, without_faults, without_impossible
-from .values.marks import good_readings
-from .values.thousands import with_thousands
-from .values.unchanged import as_it_stood
-from .vocabulary import UNITS
-from .vocabulary import words as words_of
 from .wide import read_wide
 
 PARQUET_MAGIC = b"PAR1"
@@ -229,230 +210,6 @@ def _bytes(source: str, limits: Limits = Limits(), name: str = "", waits: bool =
         raise InputError(f"{name}: a folder", allowed="a CSV or Parquet file", do=way) from None
     except OSError as error:
         raise InputError(f"{name}: cannot be read", found=str(error.strerror), do="check the permissions") from None
-
-
-def runs_from_table(table: Table, options: Options) -> list[Run]:
-    """What each column is, time in order, temperatures in degC: one run, or several where the time begins anew.
-
-    Raises
-    ------
-    InputError: no time, no sensor, a cell that is no number, or something that cannot be told and must be said.
-    UsageError: an option names no column.
-    """
-    table = with_thousands(without_switches(with_one_clock(table, options)))
-    time = find_time(table, replace(options, time=column_named(options.time, table.names)))
-    if options.tz is not None:
-        time = in_zone(time, options.tz, table.name)
-    layout = find_long(table, time, options)
-    table = to_wide(table, layout, time) if layout is not None else good_readings(table)
-    notes, guesses = [*table.notes, time.note], [*table.guesses, *time.guesses]
-    numbers = {n: c for n, c in table.columns.items() if n not in time.used and isinstance(c, np.ndarray)}
-    options = resolved(options, table.names, [n for n in numbers if not is_time_name(n)])
-    check_names(options.exclude, table.names, "--exclude", table.name)
-    windings = resistive(numbers, table.units, options, table.name) if options.resistance else []
-    if windings:
-        numbers |= {n: winding(numbers[n], n, table, options) for n in windings}
-        options = replace(options, units=(*options.units, *(f"{n}=C" for n in windings)))
-        notes.append(f"temperatures of windings by their resistance: {listed(windings, 6)}")
-    clocks = numbers if layout is None else ()  # of a long table a sensor may be called min
-    spare = [n for n in clocks if is_time_name(n) and n not in (*options.channels, *options.inputs, options.ambient)]
-    _refuse_other_clock(table, time, spare, options)
-    if spare:
-        notes.append(f"other columns of time left out: {listed(spare, 6)}")
-    named = [n for n in numbers if n not in spare and not (n.startswith("column ") and np.isnan(numbers[n]).all())]
-    words = [n for n, c in table.columns.items() if n not in time.used and not isinstance(c, np.ndarray)]
-    for n in words:
-        if (
-            n in table.faults
-            and sign_of(n, table.units.get(n, "")).kind == "sensor"
-            and n not in options.exclude
-            and not options.channels
-        ):
-            raise table.faults[n]
-        if n not in options.exclude and not options.channels:
-            refuse_words(table, n)
-    for what, who in (("columns of words", [n for n in words if n not in options.exclude]), ("by --exclude", options.exclude)):
-        notes += [f"{what} left out: {listed(who, 6)}"] if who else []
-    _refuse_taken(options)
-    if options.channels:
-        check_names(options.channels, [*named, *words], "--channels", table.name)
-        if wordy := [c for c in options.channels if c in words]:
-            raise InputError(
-                f"{table.name}: column {wordy[0]!r} holds words", found=f"as {table.columns[wordy[0]][0]!r}", allowed="numbers"
-            )
-    units = _with_unit_column(table, named)
-    origin = "long" if layout is not None else "header" if table.header else "none"
-    roles = classify(named, numbers, units, options, table.name, origin)
-    if windings:
-        sensors = tuple(n for n in named if n in (*roles.sensors, *windings))
-        roles = replace(roles, sensors=sensors, inputs=tuple(n for n in roles.inputs if n not in windings))
-    notes += roles.notes
-    guesses += roles.guesses
-    if not roles.sensors:
-        raise _no_sensor(table, words, named)
-    for n in (*roles.sensors, *roles.ambient, *roles.inputs):
-        if n in table.faults:
-            raise table.faults[n]
-    own = [u for n in roles.sensors if (u := sign_of(n, units.get(n, "")).unit) is not None and u.temperature]
-    if table.unit_above and table.unit_above not in ("C", "K", "F") and not options.units and not own and not options.channels:
-        raise _no_sensor(table, [], [f"{n} [{table.unit_above}]" for n in roles.sensors])
-    if table.unit_above in ("C", "K", "F") and not options.units and not own:
-        options = replace(options, units=(table.unit_above,))
-        notes.append(f"temperatures in {table.unit_above}, as a line above the names says")
-    used = (*roles.sensors, *roles.ambient, *roles.inputs, *roles.displacements)
-    degrees, channel_notes = Temperatures(table, units, options, (*roles.sensors, *roles.ambient)), {}
-    columns = {n: numbers[n] for n in used}
-    for n in (*roles.sensors, *roles.ambient, *warm_inputs(roles.inputs, units, options, table)):
-        columns[n], impossible = without_impossible(degrees.of(n, numbers[n], n in roles.inputs))
-        if impossible:
-            channel_notes[n] = f"{impossible} overload or impossible reading{'s' if impossible > 1 else ''} left out"
-    refuse_another_unit([numbers[n] for n in roles.sensors], table)
-    notes += degrees.notes()
-    guesses += degrees.guesses()
-    notes.append(f"{len(roles.sensors)} sensor{'s' if len(roles.sensors) > 1 else ''} ({listed(roles.sensors, 4)})")
-    for what, who in (("surroundings", roles.ambient), ("inputs", roles.inputs), ("displacements", roles.displacements)):
-        if who:
-            notes.append(f"{what}: {listed(who)}")
-    for n in roles.displacements:
-        unit = length_unit(n, units.get(n, ""))
-        if unit == "mm":
-            columns[n] = columns[n] * 1000.0
-            notes.append(f"{n}: mm, turned into um")
-        elif not unit:
-            text = f"{n}: no unit of length, taken for um"
-            guesses.append(Guess("unit", text, "write um or mm into its name, or into a line of units"))
-    seen = _seen(table, time, layout, roles, units, spare, options)
-    if layout is not None:
-        time, in_turn = each_in_turn(time, columns)
-        guesses += in_turn
-    where = table.lines, time.wall, time.dated, layout is not None, table.headers
-    stretches = in_order(time.seconds, columns, table.name, *where)
-    runs = []
-    for k, part in enumerate(stretches):
-        name = table.name if len(stretches) == 1 else f"{table.name}#{k + 1}"
-        of, faults = without_faults(part.columns, (*roles.sensors, *roles.ambient))
-        said = {n: "; ".join(t for t in (channel_notes.get(n, ""), faults.get(n, "")) if t) for n in (*channel_notes, *faults)}
-        kinds = (roles.sensors, roles.ambient, roles.inputs, roles.displacements)
-        channels, ambient, inputs, displacements = ({n: of[n] for n in who} for who in kinds)
-        told = (*guesses, *part.guesses, *unmoved_gap(part.time, list(channels.values())))
-        runs.append(Run(name, part.time, channels, ambient, inputs, (*notes, *part.notes), said, displacements, told, seen))
-    runs = [as_it_stood(run) for run in runs]
-    return [told_of_sensors(renamed(run, options.rename) if options.rename else run) for run in runs]
-
-
-def _refuse_taken(options: Options) -> None:
-    """Raises UsageError for a column that two options name."""
-    if options.ambient is not None and options.ambient in options.inputs:
-        raise UsageError(f"--ambient and --inputs both name {options.ambient!r}", do="say it in one of them")
-    taken = {"--exclude": options.exclude, "--inputs": options.inputs, "--ambient": (options.ambient,)}
-    for other, names in taken.items():
-        if both := [n for n in options.channels if n in names]:
-            raise UsageError(f"--channels and {other} both name {both[0]!r}", do="say it in one of them")
-
-
-def _seen(
-    table: Table, time: Time, layout: Layout | None, roles: Roles, units: dict[str, str], spare: list[str], options: Options
-) -> Seen:
-    """What each column was taken for, and how the file is laid out."""
-    kinds = {"sensors": "sensor", "ambient": "ambient", "inputs": "input", "displacements": "displacement"}
-    of = {n: role for kind, role in kinds.items() for n in getattr(roles, kind)} | dict.fromkeys(time.used, "time")
-    of |= dict.fromkeys(table.clocks, "time")
-    columns = []
-    for n in (*table.names, *table.clocks[1:]):
-        role = of.get(n, "ignored")
-        unit = time.unit if role == "time" else units.get(n, "") or getattr(sign_of(n, "").unit, "symbol", "")
-        if role in ("sensor", "ambient", "input"):
-            unit = unit_told(n, options, table, by_name=role == "input") or unit
-        columns.append(SeenColumn(n, role, unit, _why(n, role, table, roles, spare, options)))
-    d = table.dialect if table.dialect is None or not table.dialect.joined else replace(table.dialect, delimiter="", decimal="")
-    return Seen(
-        len(time.seconds),
-        tuple(columns),
-        " and ".join(table.clocks or [n for n in table.names if n in time.used]),
-        time.unit,
-        d.encoding if d else "",
-        d.delimiter if d else "",
-        d.decimal if d else "",
-        None if d is None else 0 if d.header_line is None else d.header_line + 1,
-        (*layout.labels, layout.value) if layout is not None else (),
-    )
-
-
-def _why(name: str, role: str, table: Table, roles: Roles, spare: list[str], options: Options) -> str:
-    """Why a column is left out."""
-    if role != "ignored":
-        return ""
-    if name in options.exclude:
-        return "left out by --exclude"
-    if name in spare:
-        return "another column of time"
-    column = table.columns.get(name)
-    if isinstance(column, np.ndarray) and not np.isfinite(column).any():
-        return "empty"
-    if column is not None and not isinstance(column, np.ndarray):
-        return "words" if any(c.strip() for c in column) else "empty"
-    if options.channels and name not in options.channels:
-        return "not among --channels"
-    said = (n.partition(":")[0] for n in roles.notes if name in n)
-    return next(said, "neither name nor unit says a temperature")
-
-
-def _no_sensor(table: Table, words: list[str], named: list[str]) -> InputError:
-    for n in words:
-        if two := two_signs(table.columns[n]):  # type: ignore[arg-type]
-            return two_decimal_signs(f"{table.name}, column {n!r}", two)
-    found = [f"{n} ({u})" if (u := table.units.get(n, "")) else n for n in (named or words)]
-    return InputError(
-        f"{table.name}: no sensor column",
-        found=listed(found, 8) or "only a time column",
-        allowed="at least one column of temperatures",
-        do="name the sensors with --channels, if these are temperatures",
-    )
-
-
-def _with_unit_column(table: Table, named: list[str]) -> dict[str, str]:
-    """Units of the columns; a column of words that tells one unit in every row is that of the number beside it."""
-    units = dict(table.units)
-    for at, (n, cells) in enumerate(table.columns.items()):
-        if not (set(words_of(n)) & UNITS) or isinstance(cells, np.ndarray):
-            continue
-        told = {c.strip() for c in cells if c.strip()}
-        order = list(table.columns)
-        beside = [order[k] for k in (at - 1, at + 1) if 0 <= k < len(order) and order[k] in named]
-        kinds = {unit.symbol for t in told if (unit := parse_unit(t)) is not None and unit.temperature}
-        if len(kinds) > 1 and beside:
-            raise unit_changes(f"{table.name}, column {n!r}", sorted(told))
-        if len(told) == 1 and beside:
-            units[beside[0]] = units.get(beside[0]) or told.pop()
-    return units
-
-
-def _refuse_other_clock(table: Table, time: Time, spare: list[str], options: Options) -> None:
-    """Raises InputError for a second clock, of the same name or among the readings, that runs otherwise or is of another length."""
-    used = next(iter(time.used), "")
-    if options.channels and options.time:
-        return
-    words = [n for n, c in table.columns.items() if n not in time.used and not isinstance(c, np.ndarray) and is_time_name(n)]
-    named = of if used in (of := clocks_of_columns(table)) else []
-    for n in (*spare, *words, *named):
-        if n in options.exclude or n == used:
-            continue
-        alike = words_of(re.sub(r" \(\d+\)$", "", n)) == words_of(re.sub(r" \(\d+\)$", "", used))
-        own, main = table.columns[n], table.columns.get(used, [])
-        if isinstance(own, np.ndarray) and isinstance(main, np.ndarray) and np.array_equal(own, main, equal_nan=True):
-            continue
-        numbers = isinstance(own, np.ndarray) and isinstance(main, np.ndarray)
-        if (numbers and (alike or n in named)) or runs_otherwise(table, time, used, n, alike):
-            raise InputError(
-                f"{table.name}: two clocks, {used!r} and {n!r}, that do not run alike",
-                allowed="one time for all columns read together",
-                do=f"read the columns of each clock by themselves: --time {n!r} --channels with its columns; or --exclude {n!r} "
-                "if it is none of theirs",
-            )
-        if not options.time and (length := length_told(table, time, n)) is not None:
-            told = f"{length_of(float(np.ptp(time.seconds)))} by {used!r}, {length_of(length)} by {n!r}"
-            do = f"say which is right: --time {n!r}, or --exclude {n!r}"
-            raise InputError(f"{table.name}: two times that disagree about how long the record is", found=told, do=do)
 
 
 def content_of(source: str, options: Options | None = None, name: str = "") -> tuple[str, bytes]:

@@ -13,7 +13,7 @@ LARGEST = 30_000_000
 
 def columns(ctx: click.Context, option: click.Parameter, typed: str) -> list[CompletionItem]:
     """Names of columns that continue the last of the names typed; none where no file is named that can be read."""
-    from ..reading.moments.times import is_time_name
+    from ..reading.moments.time_column import is_time_name
 
     before, comma, last = typed.rpartition(",")
     names = [n for n in _names(ctx) if (option.name == "time") == is_time_name(n)]

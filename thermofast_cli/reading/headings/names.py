@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterable
 
 from ...errors import InputError
-from ..moments.times import is_time_name
+from ..moments.time_column import is_time_name
 from ..run import Run, renamed
 from ..signs import names_a_set_point, names_the_room_alone, sign_of
 from ..tables.dialect import NAME_WORDS, ROWS_ABOVE, UNIT_WORDS, Dialect, header_cells, is_process_line, is_unit_line, says, split
@@ -13,6 +13,8 @@ from ..units import parse_unit, unit_in_name
 from ..vocabulary import DISPLACEMENTS, TIME, words
 from .labels import with_labels
 
+#: Names of remarks that no row has.
+REMARKED = ("", "comment", "comments", "bemerkung", "remark")
 #: A unit in brackets at the end of a name.
 _UNIT_BEHIND = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]$")
 #: The path of a sensor of a computer, and the unit of each kind.
@@ -163,23 +165,44 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
     ------
     InputError: a row has another number of cells than the header.
     """
-    width = dialect.width
-    header = head[dialect.header_line] if dialect.header_line is not None else ""
+    width, header = dialect.width, head[dialect.header_line] if dialect.header_line is not None else ""
     # Decimal commas that were joined stand under a header of commas.
-    delimiter = dialect.delimiter
-    if header and delimiter == ";" and ";" not in header and len(split(header, ",")) == width:
-        delimiter = ","
-    cells = header_cells(header, delimiter) if header else []
+    commas = bool(header) and dialect.delimiter == ";" and ";" not in header and len(split(header, ",")) == width
+    delimiter = "," if commas else dialect.delimiter
     rows = [split(line, delimiter) for line in head[dialect.data_line :][:50] if line.strip()]
-    if cells and not any(cell.strip() for row in rows if len(row) == width for cell in row[len(cells) :]):
+    cells = _as_many(header_cells(header, delimiter), rows, dialect, name) if header else []
+    units = _units_above(head, dialect)
+    if not cells:
+        return _unique([], width), units
+    groups = _groups(head, dialect)
+    units = _told_by_path(head, dialect, units)
+    for line in dialect.unit_lines:
+        cells, units = _named_below(cells, units, split(head[line], dialect.delimiter), rows)
+    cells, units = with_labels(cells, units, head, dialect)
+    twice = _repeated(cells) if groups else set()
+    for i, group in enumerate(groups):
+        cells[i], units[i] = _in_group(cells[i], units[i], group, cells[i] in twice)
+    cells = _told_apart(cells, head, dialect)
+    return _unique(_merged_from_above(cells, head, dialect, delimiter), width), units
+
+
+def _as_many(cells: list[str], rows: list[list[str]], dialect: Dialect, name: str) -> list[str]:
+    """The header's cells, as many as the rows have, where it is plain which are missing or too many.
+
+    Raises
+    ------
+    InputError: it is not.
+    """
+    width, cells = dialect.width, list(cells)
+    if not any(cell.strip() for row in rows if len(row) == width for cell in row[len(cells) :]):
         cells += [""] * (width - len(cells))  # rows that end in delimiters; otherwise no one can tell which name is missing
     if len(cells) == width - 1 and _counts([row[0] for row in rows if len(row) == width]):
         cells.insert(0, "")  # R writes the names of rows under no name
     if len(cells) > width and rows and len(rows[0]) == len(cells):
         del cells[width:]  # what the first row alone has: Lascar's serial number
-    while len(cells) > width and cells[-1].strip().lower() in ("", "comment", "comments", "bemerkung", "remark"):
+    while len(cells) > width and cells[-1].strip().lower() in REMARKED:
         cells.pop()  # a header that ends in a delimiter, or names a remark that no row has
-    if cells and len(cells) != width:
+    if len(cells) != width:
         commas = dialect.delimiter == "," and width > len(cells)
         raise InputError(
             f"{name}, line {dialect.data_line + 1}: the row has {width} cells and the header {len(cells)}",
@@ -187,48 +210,51 @@ def names_and_units(head: list[str], dialect: Dialect, name: str) -> tuple[list[
             allowed="as many names as cells",
             do="export with semicolons or decimal points" if commas else "mend the header, or say --header-line and --delimiter",
         )
-    units = [""] * width
-    groups = _groups(head, dialect) if cells else []
+    return cells
+
+
+def _units_above(head: list[str], dialect: Dialect) -> list[str]:
+    """Units of the columns as lines of units tell them, the upper ones first."""
+    units = [""] * dialect.width
     for line in dialect.unit_lines[::-1]:
-        told = split(head[line], dialect.delimiter)[:width]
+        told = split(head[line], dialect.delimiter)[: dialect.width]
+        whole, labelled = is_unit_line(told), says(told, UNIT_WORDS)
         for i, cell in enumerate(told):
-            if (
-                cell.strip()
-                and not (i == 0 and says(told, UNIT_WORDS))
-                and (parse_unit(cell) or (not units[i] and is_unit_line(told)))
-            ):
+            if not cell.strip() or (i == 0 and labelled):
+                continue
+            if parse_unit(cell) or (whole and not units[i]):
                 units[i] = cell.strip()
-    units = _told_by_path(head, dialect, units) if cells else units
-    for line in dialect.unit_lines if cells else ():
-        cells, units = _named_below(cells, units, split(head[line], dialect.delimiter), rows)
-    cells, units = with_labels(cells, units, head, dialect)
-    twice = _repeated(cells) if groups else set()
-    for i, group in enumerate(groups):
-        cells[i], units[i] = _in_group(cells[i], units[i], group, cells[i] in twice)
-    if cells and dialect.header_line is not None:
-        cells = _told_apart(cells, head, dialect)
+    return units
+
+
+def _merged_from_above(cells: list[str], head: list[str], dialect: Dialect, delimiter: str) -> list[str]:
+    """Names of columns that have none in the header's line, from lines above it: a logger's tags, a cell merged downwards."""
+    header, width = dialect.header_line, dialect.width
+    if header is None or all(c.strip() for c in cells):
+        return cells
+    above = [split(line, delimiter) for line in head[max(header - ROWS_ABOVE, 0) : header]]
+    tags = next((row for row in above if len(row) == width and says(row, NAME_WORDS)), [""] * width)
+    cells = [c if c.strip() or i == 0 else tag for i, (c, tag) in enumerate(zip(cells, tags, strict=False))]
+    lower = above[-1] if above and len(above[-1]) == width and sum(map(bool, above[-1])) > 1 else [""] * width
+    return [c if c.strip() else merged for c, merged in zip(cells, lower, strict=True)]
+
+
+def _unique(cells: list[str], width: int) -> list[str]:
+    """Names of `width` columns, each once, those without a cell by their number."""
     names: list[str] = []
     taken: set[str] = set()
-    if dialect.header_line is not None and any(not c.strip() for c in cells):
-        above = [split(line, delimiter) for line in head[max(dialect.header_line - ROWS_ABOVE, 0) : dialect.header_line]]
-        tags = next((row for row in above if len(row) == width and says(row, NAME_WORDS)), [""] * width)
-        cells = [c if c.strip() or i == 0 else tag for i, (c, tag) in enumerate(zip(cells, tags, strict=False))]
-        # A name that a sheet merged downwards stands in the line above.
-        lower = above[-1] if above and len(above[-1]) == width and sum(map(bool, above[-1])) > 1 else [""] * width
-        cells = [c if c.strip() else merged for c, merged in zip(cells, lower, strict=True)] if len(cells) == width else cells
     for i in range(width):
         cell = cells[i].strip() if i < len(cells) else ""
-        cell = cell.lstrip("#%").strip() if i == 0 or cell[1:2].isspace() else cell  # the sign of a comment, not of a name
-        if i < len(cells) and not cell and cells[i].strip():
-            cell = cells[i].strip()  # the name is the sign itself: "#"
-        base = unique = cell or f"column {i + 1}"
+        # The sign of a comment is none of a name, but where it is all of it.
+        bare = cell.lstrip("#%").strip() if i == 0 or cell[1:2].isspace() else cell
+        base = unique = bare or cell or f"column {i + 1}"
         count = 2
         while unique in taken:
             unique = f"{base} ({count})"
             count += 1
         names.append(unique)
         taken.add(unique)
-    return names, units
+    return names
 
 
 def _bare(name: str) -> str:

@@ -14,7 +14,8 @@ from ..values.time_units import unit_of
 from .epochs import UNITS, calendar
 from .glitches import without_glitches, without_repeats
 from .stamps import looks_like_stamp, parse_stamps, plain
-from .times import BARE, Time, is_time_name
+from .time_column import BARE, is_time_name
+from .times import Time
 
 FEWEST_ROWS = 2
 #: Rows of a stretch from which on a time that falls back is a run that begins anew, not a row out of place.

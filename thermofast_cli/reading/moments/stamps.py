@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ..run import Array, Guess
 from ..vocabulary import MONTHS
-from .durations import LOOKS_SO, as_clock
+from .clock_texts import LOOKS_SO, as_clock
 from .four_parts import HUNDREDTHS, days_to_seconds
 
 DAY_S = 86400.0

@@ -1,11 +1,8 @@
-"""Which column is time, and numbers of it as seconds: elapsed with a unit, epochs, serial days of a spreadsheet."""
+"""The time of each row in seconds: of stamps, of numbers elapsed with a unit, epochs, serial days of a spreadsheet."""
 
 import re
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import lru_cache
-from itertools import chain, islice, pairwise
-from operator import ne
 
 import numpy as np
 
@@ -14,28 +11,22 @@ from ...reading_options import Options
 from ..headings.called import check_names
 from ..run import Array, Guess
 from ..table import Table
-from ..units import unit_in_name
 from ..values.time_units import one_unit_alone, sixtieths, steps_of, unit_of
-from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
+from ..vocabulary import words
+from .clock_texts import padded
 from .epochs import UNITS, clock_with_a_point, compact, epoch_of, is_date_number, of_archive, serial, ticks_of
-from .fractions import padded
 from .parts import SHORT, clock_written_as_number, days_of_year, moments_in_parts
-from .stamps import DAY_S, below, looks_like_stamp, parse_stamps, plain, plausible
+from .stamps import DAY_S, below, looks_like_stamp, parse_stamps, plausible
+from .time_column import BARE, first_cell, is_time_name, time_column
 
 FEWEST_ROWS = 2
 #: A clock as Italy and Finland write it.
 _DOTTED = re.compile(r"([01]?\d|2[0-3])\.[0-5]\d(\.[0-5]\d)?$")
-#: The time of a curve, as panels write it beside its ValueY.
-_OF_A_CURVE = re.compile(r"(?i)\bvalue ?x( \(\d+\))?$")
 #: Words of a column that tells parts of the second of a stamp.
 MILLISECONDS = frozenset(["ms", "millitm", "millisecond", "milliseconds", "msec"])
 DATE_DIGITS = 8  # of a date written without signs, 20260131
 #: Words of a time that is still to go.
 COUNTDOWN = frozenset(["remaining", "countdown", "restzeit", "verbleibend", "restante", "left"])
-#: Words of a moment at which a row was sent on or stored.
-SENT_ON = frozenset(["published", "received", "server", "upload", "uploaded", "inserted", "created", "ingested", "arrival"])
-#: Names that are units of time, and of deviations, least readings and heights.
-BARE = ("s", "min", "h")
 #: A number from here on is no time in any unit: nanoseconds since 1970 are 2e18.
 NO_TIME = 1e30
 
@@ -53,27 +44,6 @@ class Time:
     dated: bool = False
     #: Of numbers their unit, else ``stamp``, or ``interval`` where rows are evenly spaced as told.
     unit: str = ""
-
-
-@lru_cache(maxsize=4096)
-def is_time_name(name: str) -> bool:
-    """Whether a column is called after time."""
-    whole = re.sub(r"[\[(/,].*", "", name).strip()
-    told = words(name)
-    if whole != name and whole in TIME_NAMES and (unit := unit_in_name(name)) is not None and unit.kind != "time":
-        return False  # min [°C] is the least of a temperature
-    if whole != name and re.fullmatch(r"[Tt]\d+", whole):
-        # t1 [s] beside T1; T1 (min) is the least of a temperature.
-        return (unit := unit_in_name(name)) is not None and unit.kind == "time" and (unit.symbol != "min" or "[" in name)
-    if any(w in ("temp", "temperature", "temperatur") for w in told):
-        return False
-    if not name.isascii() and any(part in name for part in TIME_PARTS):
-        return True
-    if name[-1:].isdigit():
-        return any(w in TIME for w in told)
-    if re.fullmatch(r"t_(us|ms|s|sec|min|h)|[xX] ?\[(us|ms|s|sec|min|h)\]( \(\d+\))?", name) or _OF_A_CURVE.search(name):
-        return True
-    return any(w in TIME for w in told) or whole in TIME_NAMES or (len(whole) > 3 and whole.lower() in TIME_NAMES)
 
 
 def find_time(table: Table, options: Options) -> Time:
@@ -99,7 +69,7 @@ def find_time(table: Table, options: Options) -> Time:
         check_names([options.time], table.names, "--time", table.name)
         return _convert(table, options.time, None, options)
     table = _with_colons(table)
-    found = _candidates(table)
+    found = time_column(table)
     parts = moments_in_parts(table) or days_of_year(table)
     if parts is not None and (found is None or found[0] in parts[1] or _is_date(table, *found)):
         stamps, used = parts
@@ -134,103 +104,9 @@ def _with_colons(table: Table) -> Table:
     return replace(table, columns=table.columns | {n: [c.strip().replace(".", ":") for c in texts[n]] for n in clocks})
 
 
-def _candidates(table: Table) -> tuple[str, str | None] | None:
-    """The column that is time, and that of the clock where the date stands in one of its own."""
-    stamped, numeric = [], []
-    for n in table.names:
-        column = table.columns[n]
-        if isinstance(column, np.ndarray):
-            numeric.append(n)
-        elif len(set(column[:200])) > 1 or len(set(column)) > 1:  # the bounds of a query are the same in every row
-            stamped.append(n)
-        elif looks_like_stamp(column[0]) and ":" not in column[0]:
-            stamped.append(n)  # a date alone may be the same all day
-    archived = [n for n in numeric if words(n) == ["time", "ms"] and of_archive(_values(table, n))]
-    if archived and stamped:
-        return archived[0], None
-    named = [n for n in table.names if is_time_name(n)]
-    if any(words(n) == ["max"] for n in numeric):
-        named = [n for n in named if words(n) != ["min"]]  # the least reading, not minutes
-    full = {n: _first(table, n) for n in stamped}
-    stamps = {n: c for n, c in full.items() if looks_like_stamp(c)}
-    any_dates = [n for n in stamps if ":" not in stamps[n]]
-    any_clocks = [n for n in stamps if ":" in stamps[n] and not re.search(r"\d[-/.]\d{1,2}[-/.]\d|\d{8}", stamps[n])]
-    # One clock beside one date belong together, whatever they are called ("Date,,T1"), where no other column tells the time.
-    whole = [n for n in stamps if n in named and n not in any_dates and n not in any_clocks and _mostly_new(table.columns[n])]
-    others = bool(whole) or any(n in named and unit_of(n, table.units.get(n, "")) for n in numeric)
-    pair = len(any_dates) == len(any_clocks) == 1 and not others
-    dates = [n for n in any_dates if pair or n in named or n == table.names[0]]
-    clocks = [n for n in any_clocks if pair or n in named]
-    days = dates or [n for n in numeric if n in named and is_date_number(table.columns[n])]
-    if days and clocks and not whole:
-        return (clocks[0], None) if _elapses(table.columns[days[0]], table.columns[clocks[0]]) else (days[0], clocks[0])
-    dated = [n for n in stamps if n not in clocks and n not in dates]
-    ordered = [n for n in dated if n in named] + [n for n in dated if n not in named and ":" in stamps[n] and not others]
-    if len(ordered) == 1:
-        return ordered[0], None
-    if ordered:
-        # Of several stamps the one with most different values: the others tell when a step or the query began. When a row was sent
-        # on is not when it was read.
-        different = {n: len(set(table.columns[n])) for n in ordered[:8]}
-        often = 0.5 * max(different.values())
-        return max(different, key=lambda n: (different[n] > often and not SENT_ON & set(words(n)), different[n], n in named)), None
-    timed = [n for n in numeric if n in named and np.isfinite(np.asarray(table.columns[n])).any()]
-    timed = [n for n in timed if not is_date_number(table.columns[n])] or timed
-    epochs = [n for n in timed if epoch_of(_values(table, n)) and unit_of(n) is None]
-    ascending = [n for n in timed if (np.diff(_values(table, n)) >= 0).mean() > 0.5 and np.ptp(_values(table, n)) > 0.0]
-    ascending.sort(key=lambda n: bool((np.diff(_values(table, n)) < 0).any()))  # a cycle's length goes up and down
-    for group in (
-        [n for n in ascending if unit_of(n, table.units.get(n, "")) and not _after_time(n, timed)],
-        epochs,
-        clocks,
-        ascending,
-        dates,
-        timed,
-        [n for n in table.names if n in named and n in full],
-    ):
-        if group:
-            return group[0], None
-    first = table.columns[table.names[0]]
-    if isinstance(first, np.ndarray) and table.names[0] == "column 1" and np.isfinite(first).all() and (np.diff(first) > 0).all():
-        return table.names[0], None
-    # No name says so, but one column alone goes on in seconds or minutes.
-    written = set(chain.from_iterable(TIME_UNITS.values()))
-    going = [n for n in numeric if table.units.get(n, "").strip("[]() ").lower() in written]
-    going = [n for n in going if (np.diff(_values(table, n)) > 0).all()]
-    return (going[0], None) if len(going) == 1 else None
-
-
-def _after_time(name: str, timed: list[str]) -> bool:
-    """Whether a column called s, min or h stands behind another that could be the time: a deviation, a least, a height."""
-    return name.lower() in BARE and name != timed[0] and timed[0].lower() not in BARE
-
-
-def _mostly_new(column: "Array | list[str]") -> bool:
-    """Whether most cells of a column differ from the one before: a moment of each row, not of a batch or a query."""
-    return bool(sum(map(ne, column, islice(column, 1, None))) >= 0.5 * (len(column) - 1))
-
-
-def _elapses(days: "Array | list[str]", clock: "Array | list[str]") -> bool:
-    """Whether a clock beside dates begins at 0 and goes on by its usual step where the date changes: it is elapsed time."""
-    read = [re.match(r"(\d+):(\d\d)(?::(\d\d(?:\.\d+)?))?$", str(c).strip()) for c in clock]
-    if not all(read):
-        return False
-    seconds = [3600.0 * float(m[1]) + 60.0 * float(m[2]) + float(m[3] or 0.0) for m in read if m]
-    step = np.diff(seconds)
-    told = [str(d).strip() for d in days]
-    changed = np.array([bool(b) and a != b for a, b in pairwise(told)])
-    usual = float(np.median(step)) if len(step) else 0.0
-    return bool(changed.any()) and seconds[0] <= 2.0 * usual and bool((np.abs(step[changed] - usual) <= 0.5 * usual).all())
-
-
-def _first(table: Table, name: str) -> str:
-    """The first cell of a column of words that is not empty; of numbers nothing."""
-    return plain(next((c.strip() for c in table.columns[name] if isinstance(c, str) and c.strip()), ""))
-
-
 def _is_date(table: Table, name: str, clock: str | None) -> bool:
     """Whether a column is one of dates, and no clock was found beside it."""
-    return clock is None and not isinstance(table.columns[name], np.ndarray) and ":" not in _first(table, name)
+    return clock is None and not isinstance(table.columns[name], np.ndarray) and ":" not in first_cell(table, name)
 
 
 def _values(table: Table, name: str) -> Array:

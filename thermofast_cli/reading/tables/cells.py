@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..moments.stamps import looks_like_stamp
-from ..moments.times import is_time_name
+from ..moments.time_column import is_time_name
 from ..run import Array
 from ..table import Table, words_or_numbers
 from ..units import parse_unit

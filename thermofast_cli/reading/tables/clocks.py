@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...reading_options import Options
 from ..moments.stamps import DAY_S, parse_stamps
-from ..moments.times import is_time_name
+from ..moments.time_column import is_time_name
 from ..run import Array
 from ..table import Table
 from ..values.time_units import unit_of

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError, listed
 from ..moments.stamps import looks_like_stamp
-from ..moments.times import is_time_name
+from ..moments.time_column import is_time_name
 from ..run import Guess
 from .dialect import Dialect, is_number, split, to_number
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import listed
-from ..moments.times import is_time_name
+from ..moments.time_column import is_time_name
 from ..run import Array, Guess
 from ..table import Table
 from ..vocabulary import MARK_FAULTS as FAULTS
