@@ -30,7 +30,8 @@ class Observations:
     heats those that are a power, a current or a load, which change no loss, cools a fan or a flow, which brings no heat.
     heat_unit is what a heat of 1 is in the column's own unit: its largest until the last reading used. extent [min] is how far the
     readings go that are used, or those that a model was learnt from, 0 for all of them: bounds of parameters are shares of it, and
-    neither readings left out nor what comes after them move it.
+    neither readings left out nor what comes after them move it. begin_min is where time 0 lies on the clock of the run, on which
+    all that is told of times is told.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Observations:
     cools: tuple[str, ...] = ()
     heat_unit: float = 1.0
     extent: float = 0.0
+    begin_min: float = 0.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -67,6 +69,11 @@ class Observations:
     @property
     def sensors(self) -> int:
         return len(self.channels)
+
+    @property
+    def clock(self) -> Array:
+        """The times (N,) on the clock of the run [min after its first reading]."""
+        return self.begin_min + self.time
 
     @property
     def span(self) -> float:

@@ -429,3 +429,28 @@ def test_a_folder_is_no_place_for_one_file(archive, tool, tmp_path):
     assert "-o results/" not in done.err
     assert "results/" in tool("identify", source, "-o", tmp_path / "a.foo").err
     assert "results/" not in tool("improve", source, "-o", tmp_path / "a.foo").err
+
+
+@pytest.mark.parametrize(
+    ("command", "asked", "name", "together"),
+    [
+        ("identify", {}, "ukf", 50),
+        ("identify", {"criterion": True}, "ukf", 0),
+        ("identify", {"drive": "speed"}, "ukf", 0),
+        ("sweep", {"criterion": True}, "ukf", 50),
+        ("sweep", {"drive": "speed", "model": None}, "joint_fit", 0),
+    ],
+)
+def test_what_is_worked_on_together_is_one_rule_for_command_and_library(command, asked, name, together):
+    analysis = Analysis.of_sensors(command, lambda: None, "ukf", asked)
+    assert (analysis.more, analysis.together) == ({"filter": name}, together)
+
+
+def test_command_and_library_name_a_sensor_alike_that_could_not_be_worked_on(tool, tmp_path):
+    time = [10.0 * i for i in range(60)]
+    bad = tmp_path / "bad.csv"
+    pd.DataFrame({"time_s": time, "T1 [degC]": ["x"] * 60}).to_csv(bad, index=False)
+    tool("sweep", str(bad), "--drive", "speed", "--windows", "5", "-o", f"{tmp_path / 'a'}/", "-q")
+    tf.archive("sweep", bad, tmp_path / "b", drive="speed", windows=[5])
+    read = [pads.dataset(tmp_path / name, format="parquet").to_table().to_pandas() for name in ("a", "b")]
+    assert list(read[0]["filter"]) == list(read[1]["filter"]) == ["joint_fit"]

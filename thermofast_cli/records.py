@@ -7,6 +7,8 @@ from typing import Any, ClassVar
 
 #: Statuses that are failures of a sensor: exit code 1.
 FAILURES = frozenset({"constant", "no_data", "too_short", "diverged", "unreadable", "failed"})
+#: What stands for a filter's name where all sensors of a run were fitted as one.
+JOINT_FIT = "joint_fit"
 
 
 def finite(value: float | None) -> float | None:

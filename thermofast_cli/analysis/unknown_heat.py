@@ -81,15 +81,15 @@ def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns:
         noise = whole.least_noise[i] / np.sqrt(whole.weight[i][good])
         surroundings = np.full(int(good.sum()), sink) if np.ndim(sink) == 0 else sink[good]
         reading = (whole.known[i] - effects[i])[good]
-        lumps.append(Lump(whole.time[good], reading, noise, surroundings) if len(reading) >= FEWEST_READINGS else None)
+        lumps.append(Lump(whole.clock[good], reading, noise, surroundings) if len(reading) >= FEWEST_READINGS else None)
     known = {i: lump for i, lump in enumerate(lumps) if lump is not None}
     own = [c not in learnt for c in whole.channels]
     # A rate that the same readings gave is bent by the heat that the fit did not know of: a column may come with another.
     may = {i: possible_rates(lump) if own[i] else [float(rates[i])] for i, lump in known.items()}
     # Between the times of the file a column is drawn in straight lines, which is for the claim to judge.
-    told = whole.logged if whole.logged is not None else np.ones(len(whole.time), dtype=bool)
+    told = whole.logged if whole.logged is not None else np.ones(len(whole.clock), dtype=bool)
     logged = {n: c[told] for n, c in columns.items()}
-    late, follows = probed(list(known.values()), list(may.values()), logged, whole.time[told])
+    late, follows = probed(list(known.values()), list(may.values()), logged, whole.clock[told])
     known = dict(zip(known, late, strict=True))
     heats: list[UnknownHeat | None] = [None] * whole.sensors
     watts: list[HeatInWatts | None] = [None] * whole.sensors
@@ -98,11 +98,11 @@ def needed_heat(fit: Fit, whole: Observations, learnt: Collection[str], columns:
         sink_unknown = abs(float(sink) - float(lump.reading[0])) if np.ndim(sink) == 0 and own[i] else 0.0
         unsure = min(max(float(np.nan_to_num(errors[i])), LEAST_DEVIATION), MOST_DEVIATION)
         if own[i]:
-            heats[i] = told_heat(lump, place, follows, whole.time[told], sink_unknown)
+            heats[i] = told_heat(lump, place, follows, whole.clock[told], sink_unknown)
         else:
             heats[i] = smooth_heat(lump, float(rates[i]), unsure)
         if power is not None:
-            watts[i] = heat_in_watts(lump, power[told], may[i], None if own[i] else unsure, whole.time[told])
+            watts[i] = heat_in_watts(lump, power[told], may[i], None if own[i] else unsure, whole.clock[told])
     return NeededHeat(tuple(heats), tuple(follows), any(own), tuple(watts))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from ..errors import ThermofastError, TooShortError, shown_name
 from ..output.arrow import to_arrow, types_of
 from ..reading import Options, Run, read_runs
-from ..records import Record
+from ..records import JOINT_FIT, CompareRecord, DiagnoseRecord, IdentifyRecord, Record, SweepRecord
 from ..results import Result
 from ..workers.engine import Work, with_start
 from ..workers.pool import ended
@@ -20,6 +20,16 @@ from .sources import SourceFile
 
 #: Why a file that this process cannot hold has no records.
 OUT_OF_MEMORY = "out of memory while it was read"
+
+
+KINDS: dict[str, type[Record]] = {
+    "identify": IdentifyRecord,
+    "sweep": SweepRecord,
+    "compare": CompareRecord,
+    "diagnose": DiagnoseRecord,
+}
+#: What is asked of all sensors of a run together, where they are worked on each by itself otherwise.
+TOGETHER = {"identify": ("criterion", "joint", "model", "drive", "auto"), "sweep": ("model", "drive")}
 
 
 @dataclass(frozen=True)
@@ -37,6 +47,23 @@ class Analysis:
     more: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, str] = field(default_factory=dict)
     from_rise: bool = False
+
+    @classmethod
+    def of_sensors(
+        cls,
+        command: str,
+        call: Callable[..., Result[Any]],
+        filter_name: str,
+        asked: Mapping[str, Any],
+        settings: Mapping[str, str] | None = None,
+        from_rise: bool = False,
+    ) -> "Analysis":
+        """One of sensors each by itself, ``identify`` or ``sweep``, but for what is `asked` of all of a run together."""
+        from ..estimation.imperfect import GROUP
+
+        whole = any(asked.get(name) for name in TOGETHER[command])
+        name = JOINT_FIT if whole and command == "sweep" else filter_name
+        return cls(command, KINDS[command], call, 0 if whole else GROUP, {"filter": name}, settings or {}, from_rise)
 
     def failed(self, name: str, channel: str, status: str, why: str) -> Any:
         """A record of what could not be worked on."""

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any
 from ..errors import UsageError
 from ..given import NOTHING, Start, checked, model_of
 from ..reading_options import Options, options_from
-from ..records import CompareRecord, DiagnoseRecord, IdentifyRecord, SweepRecord
 from ..results import Result
 from ..workers.cluster import crew_of, kernels
 from ..workers.flow import Crew
-from .blocks import Analysis, Reading
+from .blocks import KINDS, TOGETHER, Analysis, Reading
 from .parts import Manifest, opened
 from .settings import defaults_of, settings_of
 from .sources import sources_of
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
 
 #: A task may take so long [s]; then it hangs.
 TASK_TIMEOUT_S = 600.0
-KINDS = {"identify": IdentifyRecord, "sweep": SweepRecord, "compare": CompareRecord, "diagnose": DiagnoseRecord}
 
 
 @dataclass(frozen=True)
@@ -86,7 +84,6 @@ def archive(
 
     if command not in KINDS:
         raise UsageError(f"no archive of {command!r}", allowed=" ".join(KINDS))
-    from ..estimation.imperfect import GROUP
     from ..pipeline.sensors import from_rise
 
     reading = {name: options.pop(name) for name in [f.name for f in fields(Options)] if name in options}
@@ -96,17 +93,11 @@ def archive(
     if unknown := sorted(set(options) - set(signature(getattr(api, command)).parameters)):
         raise UsageError(f"tf.{command} has no option {unknown[0]!r}", do="see docs/api.md")
     work(NOTHING)  # wrong options are told before any file is read
-    of_sensors = command in ("identify", "sweep")
-    whole = not of_sensors or any(options.get(n) for n in ("criterion", "joint", "model", "drive", "auto"))
-    analysis = Analysis(
-        command,
-        KINDS[command],
-        partial(_called, work),
-        0 if whole else GROUP,
-        {"filter": options.get("filter", "afukf")} if of_sensors else {},
-        settings_of(options | reading | {"start": start}, defaults_of(getattr(api, command))),
-        of_sensors and from_rise(model_of(options.get("model")), options.get("drive")),
-    )
+    settings = settings_of(options | reading | {"start": start}, defaults_of(getattr(api, command)))
+    analysis = Analysis(command, KINDS[command], partial(_called, work), settings=settings)
+    if command in TOGETHER:
+        from_start = from_rise(model_of(options.get("model")), options.get("drive"))
+        analysis = Analysis.of_sensors(command, analysis.call, options.get("filter", "afukf"), options, settings, from_start)
     named = [str(s) for s in ([sources] if isinstance(sources, str | Path) else sources)]
     read = options_from(reading)
     crew = crew_of(jobs, cluster, False, executor)

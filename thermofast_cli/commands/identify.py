@@ -106,13 +106,12 @@ def command(
     """
     from ..archives.blocks import Analysis
     from ..errors import UsageError
-    from ..estimation.imperfect import GROUP
     from ..output.files import write_table
     from ..output.screen import say
     from ..pipeline.methods import choose, paces, stopping_rule
     from ..pipeline.request import Request
     from ..pipeline.sensors import from_rise, identify_runs
-    from ..records import TRACE_COLUMNS, IdentifyRecord
+    from ..records import TRACE_COLUMNS
     from ..shell.session import draw, load_imperfection, load_model
     from ..standards.stopping import in_words
 
@@ -122,8 +121,9 @@ def command(
     learnt, rule = load_model(model, extra), stopping_rule(criterion)
     request = Request(until, at, room, rule, limit, switch_off_at, learnt, drive, auto=auto, joint=joint)
     request.check(method)  # wrong options are told before reading
-    parted, work = 0 if request.of_whole_runs else GROUP, partial(identify_runs, method=method, request=request)
-    analysis = Analysis("identify", IdentifyRecord, work, parted, {"filter": filter_name}, from_rise=from_rise(learnt, drive))
+    work = partial(identify_runs, method=method, request=request)
+    together = {"criterion": rule, "joint": joint, "model": learnt, "drive": drive, "auto": auto}
+    analysis = Analysis.of_sensors("identify", work, filter_name, together, from_rise=from_rise(learnt, drive))
     if batch.is_archive:
         return batch.archive(analysis)
     readings = batch.read(trace, from_rise=analysis.from_rise, search=auto or learnt is not None)

@@ -78,10 +78,8 @@ def command(
     tolerance_time_min the time from which the steady state is known to within +- the --tolerance, the machine counted.
     """
     from ..archives.blocks import Analysis
-    from ..estimation.imperfect import GROUP
     from ..pipeline.methods import choose, stopping_rule
     from ..pipeline.sensors import default_times, from_rise, sweep_runs
-    from ..records import SweepRecord
     from ..shell.options import numbers
     from ..shell.session import draw, load_imperfection, load_model
 
@@ -91,15 +89,14 @@ def command(
     learnt, rule = load_model(model, extra), stopping_rule(criterion)
     asked: dict[str, Any] = {"windows_min": spans, "times_min": grid, "tolerance_c": tolerance, "criterion": rule}
     work: Callable[..., Sweeping] = partial(sweep_runs, method=method, model=learnt, drive=drive, **asked)
-    whole = learnt is not None or drive is not None  # sensors of a run are swept as one
-    name = "joint_fit" if whole else filter_name
-    analysis = Analysis("sweep", SweepRecord, work, 0 if whole else GROUP, {"filter": name}, from_rise=from_rise(learnt, drive))
+    together = {"model": learnt, "drive": drive}
+    analysis = Analysis.of_sensors("sweep", work, filter_name, together, from_rise=from_rise(learnt, drive))
     if batch.is_archive:
         return batch.archive(analysis)
     readings = batch.read(from_rise=analysis.from_rise, search=False)
-    with batch.working(readings, len(readings.runs) if whole else readings.sensors, "sensors") as how:
+    with batch.working(readings, readings.sensors if analysis.together else len(readings.runs), "sensors") as how:
         result = work(readings.runs, details=batch.wants_details, how=how)
-    code = batch.tell(result, readings, _drawn(rule is not None), filter=name)
+    code = batch.tell(result, readings, _drawn(rule is not None), **analysis.more)
     draw(result, batch.save_plot)
     return code
 

@@ -87,7 +87,7 @@ def _compare(task: LoopTask) -> Comparison:
         return Comparison(refused_records(CompareRecord, task.run.name, observed))
     compared = _Compared.of(task, prepared)
     whole = prepared.whole
-    clean = Denoised(task.run.name, whole.time + task.start_min, whole.ambient | whole.inputs) if task.denoise else None
+    clean = Denoised(task.run.name, whole.clock, whole.ambient | whole.inputs) if task.denoise else None
     records, panels = [], []
     for i, channel in enumerate(whole.channels):
         kept = ""
@@ -166,7 +166,7 @@ class _Compared:
         wider = math.sqrt(colour.long_run_factor) if colour.short else 1.0
         noise = wider * float(fit.noise[i]) if colour.short else float(self.prepared.seen.noise[i])
         unsure = wider * fit.curve_deviation(i)
-        stretches = failing_stretches(whole.time, self.residual[i], whole.weight[i], noise, unsure)
+        stretches = failing_stretches(whole.clock, self.residual[i], whole.weight[i], noise, unsure)
         return _Failing(colour, wider, noise, unsure, stretches)
 
     def _unused(self, i: int) -> NDArray[np.bool_]:
@@ -234,11 +234,11 @@ class _Compared:
         return Panel(
             self.task.run.name,
             whole.channels[i],
-            whole.time,
+            whole.clock,
             np.where(whole.used[i], whole.reading[i], np.nan),
             self.curve[i],
             stretches,
-            self.task.fitted_min,
+            self.task.until_min,
             "base model" if not effects else "base + " + " + ".join(effects),
             float(self.prepared.seen.noise[i]),
             {**whole.ambient, **whole.inputs, **drive_of(whole)},

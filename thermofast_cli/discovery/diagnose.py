@@ -275,14 +275,14 @@ def own_verdict(found: Discovery, sensor: int) -> str:
 
 
 def event_of(fit: Fit, sensor: int) -> float | None:
-    """Time of the first unlogged event [min] that concerns a sensor."""
+    """Time of the first unlogged event [min of the run] that concerns a sensor."""
     times = []
     for k, part in enumerate(fit.model.parts):
         name = part.effect.event
         if name and (k, name) in fit.values and part.concerns(fit.run.sensors)[sensor]:
             value = fit.values[Key(k, name)]
             times.append(float(value[sensor]) if part.effect.parameter(name).each == "sensor" else float(value))
-    return min(times, default=None)
+    return fit.run.begin_min + min(times) if times else None
 
 
 def ranked(candidate: Candidate, found: Discovery) -> dict[str, Any]:

@@ -243,6 +243,7 @@ def parameters_of(
         if c.parameter.log:
             error *= value
         known = bool(np.isfinite(error) and error < 1e6 * max(abs(value), 1e-9))
+        value += fit.run.begin_min if c.parameter.name == part.effect.event else 0.0
         name = f"{part.id}.{c.parameter.name}"
         found[name] = {
             "value": float(f"{value:.6g}"),

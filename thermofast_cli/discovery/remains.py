@@ -115,7 +115,7 @@ def _stretch(fit: Fit) -> str:
     first = int(sums.argmax())
     if float(sums[first]) < ALONE * float(power.sum()):
         return ""
-    seen = fit.run.time[fit.run.used.any(axis=0)]
+    seen = fit.run.clock[fit.run.used.any(axis=0)]
     # Blocks lie around their own times: the last one of a stretch is where it ends.
     scale = (seen[-1] - seen[0]) / max(1, len(power) - 1)
     return f"most of it from {seen[0] + first * scale:.4g} to {seen[0] + (first + width - 1) * scale:.4g} min"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from thermofast.models import Observations
 from thermofast.models.joint import RATE, Fit
 from thermofast.models.search.discover import Discovery
+from thermofast.models.search.judge import widening
 
 from ..errors import ThermofastError, UsageError, rounded
 from ..records import Record
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 READ = 1.0 / 3.0
 #: How far apart logarithms of rates are, in the median sensor and of sensors against each other, where runs are of two machines.
 ALL_FASTER, OUT_OF_STEP = 0.7, 0.35
+#: Deviation of the logarithm of a rate from which it is no evidence of that: no smaller than what is looked for.
+RATE_KNOWN = 0.35
 #: So many of the models nearest to a run are looked at, beside the base model and what is named.
 LIKELY = 6
 #: Why nothing is named then.
@@ -99,13 +102,15 @@ def two_machines(found: Sequence[Discovery], names: Sequence[str]) -> str:
         pairs += [(fit, may[0][()]) for ids, fit in may[k].items() if ids not in may[0] and _events(fit)]
         pairs += [(may[k][()], fit) for ids, fit in may[0].items() if ids not in may[k] and _events(fit)]
         apart = [_log_rates(own) - _log_rates(other) for own, other in pairs]
-        faster = [float(np.median(off)) for off in apart]
+        if not all(np.isfinite(off).any() for off in apart):
+            continue
+        faster = [float(np.nanmedian(off)) for off in apart]
         nearest = float(np.min(np.abs(faster)))
         rests = [off - middle for off, middle in zip(apart, faster, strict=True)]
         if nearest > ALL_FASTER and len(set(np.sign(faster))) == 1:
             how = f"{name} is {rounded(float(np.exp(nearest)))} times as {'fast' if faster[0] > 0.0 else 'slow'} as {names[0]}"
-        elif len(apart[0]) > 2 and min(map(_size, rests)) > OUT_OF_STEP:
-            sensor = int(np.argmax(np.abs(rests[0])))
+        elif all(np.isfinite(off).sum() > 2 for off in apart) and min(map(_size, rests)) > OUT_OF_STEP:
+            sensor = int(np.nanargmax(np.abs(rests[0])))
             times = rounded(float(np.exp(abs(rests[0][sensor]))))
             how = f"beside the other sensors {found[0].base.run.channels[sensor]} is {times} times out of step in {name}"
         else:
@@ -127,12 +132,13 @@ def _events(fit: Fit) -> bool:
 
 
 def _log_rates(fit: Fit) -> Array:
+    """Logarithms of the rates (S,), nan of a sensor that hardly moves: its rate may be any, which is no evidence."""
     found: Array = np.log(np.broadcast_to(fit.values[RATE], fit.run.sensors))
-    return found
+    return np.where(widening(fit) * fit.deviations[RATE] <= RATE_KNOWN, found, np.nan)
 
 
 def _size(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    return float(np.sqrt(np.nanmean(values**2)))
 
 
 def unnamed(found: Sequence[Discovery]) -> list[Discovery]:

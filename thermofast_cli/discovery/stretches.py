@@ -98,7 +98,7 @@ def _sudden(residual: Array, noise: float) -> NDArray[np.bool_]:
 
 
 def steps_near(run: Observations, begins_min: float) -> list[str]:
-    """``spindle_speed steps from 2000 to 5000 at 180 min``, for each logged column that steps where a stretch begins [min]."""
+    """``spindle_speed steps from 2000 to 5000 at 180 min``, for each column that steps where a stretch begins [min of the run]."""
     found = []
     for name, column in {**run.inputs, **run.ambient}.items():
         span = float(np.ptp(column))
@@ -111,8 +111,8 @@ def steps_near(run: Observations, begins_min: float) -> list[str]:
         if len(steps) > 12:  # a column that jumps all the time steps nowhere in particular
             continue
         early, late = begins_min - BEFORE_SHARE * run.span, begins_min + AFTER_READINGS * run.step
-        near = [k for k in steps if early <= run.time[k + 1] <= late]
+        near = [k for k in steps if early <= run.clock[k + 1] <= late]
         if near:
             k = near[-1]
-            found.append(f"{name} steps from {column[k]:.4g} to {column[k + 1]:.4g} at {run.time[k + 1]:.4g} min")
+            found.append(f"{name} steps from {column[k]:.4g} to {column[k + 1]:.4g} at {run.clock[k + 1]:.4g} min")
     return found

@@ -330,7 +330,10 @@ def _at_other_times(fits: Sequence[Fit]) -> dict[int, str]:
         if part.effect.event in {p.name for p in part.effect.active(part.choice)}:
             times = [float(np.median(fit.values[Key(k, part.effect.event)])) for fit in fits]
             if max(times) - min(times) > SAME_TIME * float(np.mean(times)):
-                found[k] = f"{part.id} (at {rounded(min(times))} to {rounded(max(times))} min)"
+                first, last = (
+                    rounded(end(t + fit.run.begin_min for t, fit in zip(times, fits, strict=True))) for end in (min, max)
+                )
+                found[k] = f"{part.id} (at {first} to {last} min)"
     return found
 
 

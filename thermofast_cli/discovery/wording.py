@@ -267,11 +267,13 @@ def _described(fit: Fit, k: int, seen: Observations, times: float = 1.0, around:
 def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float, around: Fit | None) -> list[str]:
     """The values of part k's parameters in words with their 95 % half-widths, where who (S,) have it."""
     numbers, beside = [], disturbed_deviations(fit, around)
-    for name in fit.model.parts[k].effect.parameters:
+    effect = fit.model.parts[k].effect
+    for name in effect.parameters:
         key = Key(k, name.name)
         if key not in fit.values or name.periodic:
             continue
         value, error = fit.values[key], np.hypot(times * fit.deviations[key], beside[key])
+        value = value + (fit.run.begin_min if name.name == effect.event else 0.0)
         unit = "" if name.unit == "1" else f" {name.unit}"
         if name.each == "sensor":
             mine = np.flatnonzero(who & fit.model.active[:, fit.model.column(key)])
@@ -346,14 +348,14 @@ def _when(begins: tuple[float, float, float] | None, seen: Observations, nearest
 
     It fails most after that: where one of the nearest models has something change, that tells when.
     """
-    if begins is None or not begins[0] > seen.time[0] + FROM_THE_START * seen.span:
+    if begins is None or not begins[0] > seen.clock[0] + FROM_THE_START * seen.span:
         return "may change"
     for candidate in nearest:
         for k, part in enumerate(candidate.parts):
             # What follows a logged column has no event of its own.
             when = candidate.fit.values.get(Key(k, part.effect.event or ""))
             if when is not None and part.effect.scope == "run":
-                return f"changed at about {float(when):.3g} min"
+                return f"changed at about {seen.begin_min + float(when):.3g} min"
     return f"changed at {begins[0]:.4g} min"
 
 
@@ -402,13 +404,13 @@ def _where(found: Discovery, seen: Observations) -> str:
 
 
 def _worst(found: Discovery, seen: Observations) -> tuple[float, float, float] | None:
-    """The stretch in which the base model fails most, over all sensors: from, to [min], by [K]."""
+    """The stretch in which the base model fails most, over all sensors: from, to [min of the run], by [K]."""
     from .stretches import failing_stretches
 
     worst: tuple[float, float, float] | None = None
     for i in range(seen.sensors):
         residual = np.where(seen.used[i], found.base.residual[i], np.nan)
-        for a, b, size in failing_stretches(seen.time, residual, seen.weight[i], float(seen.noise[i])):
+        for a, b, size in failing_stretches(seen.clock, residual, seen.weight[i], float(seen.noise[i])):
             if worst is None or abs(size) > abs(worst[2]):
                 worst = a, b, size
     return worst

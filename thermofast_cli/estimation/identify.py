@@ -23,6 +23,7 @@ from .estimate import Claims, Estimates, FilterError, lost, remaining, said_of_s
 from .imperfect import Closed, claims, together_of, why_let_go, without_past
 from .measured import (
     against_claims,
+    begun_as_read,
     comes_back,
     contradicts,
     counted_to,
@@ -325,8 +326,10 @@ class _Block:
         sensors, until_used = self.sensors, float(self.sensors.time[self.count - 1])
         if claimed is None:
             return law, np.zeros(len(sensors), dtype=bool), *law_verdicts(law, tracks, sensors, against, until_used)
+        past = self.method.past
+        law = begun_as_read(law, sensors, claimed.other_rise)
         back = comes_back(law, claimed.steady[:, 1], sensors)
-        found, known = with_claims(law, claimed, sensors, back), (self.method.past, self.method.changed_min)
+        found, known = with_claims(law, claimed, sensors, back, past is not None and past.staged), (past, self.method.changed_min)
         return found, back, *claimed_verdicts(found, claimed, tracks, sensors, against, until_used, back, *known)
 
     def _to_go(self, found: Estimates, elapsed: float, by_law: bool) -> dict[str, Array]:

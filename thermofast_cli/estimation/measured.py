@@ -271,10 +271,18 @@ def in_room(
     return dict(zip(("room_c", "room_steady_c", "room_steady_lo_c", "room_steady_hi_c"), found, strict=True)), words
 
 
-def with_claims(law: "Estimates", claimed: "Claims", sensors: Sensors, back: NDArray[np.bool_]) -> "Estimates":
+def begun_as_read(law: "Estimates", sensors: Sensors, other_rise: NDArray[np.bool_]) -> "Estimates":
+    """Estimates where sensors with another rise than the law's (S,) begin at their first reading, which the law passes by."""
+    first = np.where(outlying(law, sensors)[:, 0], np.median(sensors.reading[:, :3], axis=1), sensors.reading[:, 0])
+    return replace(law, initial=np.where(other_rise, first, law.initial)) if other_rise.any() else law
+
+
+def with_claims(
+    law: "Estimates", claimed: "Claims", sensors: Sensors, back: NDArray[np.bool_], staged: bool = False
+) -> "Estimates":
     """Estimates with what may be claimed in place of what the law alone says; an unbounded side is nan.
 
-    back: as :func:`comes_back` says of each sensor.
+    back: as :func:`comes_back` says of each sensor; staged: what has another rise than the law's has that of a load in stages.
     """
     steady, t95 = claimed.steady.copy(), claimed.t95.copy()
     # Where the readings hardly say more of the rate than was assumed, the slow side would be a number out of the prior; where the
@@ -288,7 +296,9 @@ def with_claims(law: "Estimates", claimed: "Claims", sensors: Sensors, back: NDA
     least = np.where(rises, steady[:, 0], steady[:, 2])  # that which leaves the least to be done
     start = began(law, sensors)
     t95[:, 0] = np.clip(np.maximum(t95[:, 0], _not_done_before(law, start, least, sensors)), None, t95[:, 1])
-    _as_read(t95, law, start, np.where(rises[:, None], steady, steady[:, ::-1]), claimed.rate, sensors, ~claimed.other_rise)
+    _as_read(
+        t95, law, start, np.where(rises[:, None], steady, steady[:, ::-1]), claimed.rate, sensors, ~claimed.other_rise | staged
+    )
     t95[open_, 2] = np.nan
     t95[back] = np.nan
     _to_the_beginning(steady, law, sensors)

@@ -18,14 +18,13 @@ from ..estimation.request import Method, Question
 from ..estimation.sensor import Signals
 from ..estimation.sweep import Swept, sweep_records, sweep_sensors
 from ..plugins.guard import failed_status
-from ..records import SweepRecord
+from ..records import JOINT_FIT, SweepRecord
 from .learnt import carry
 from .past import followers, knowledge
 from .rise import HORIZON, free_run, lasting, slowest, together
 
 Array = NDArray[np.float64]
 
-NAME = "joint_fit"
 #: Points of a free run.
 POINTS = 1200
 
@@ -71,12 +70,12 @@ def sweep_with_model(
     try:
         return [_sweep(task, method, windows, times, tolerance_c)]
     except ThermofastError as error:
-        return [[_no_sweep(SweepRecord(task.run.name, "", NAME, windows[0], status=failed_status(error), message=str(error)))]]
+        return [[_no_sweep(SweepRecord(task.run.name, "", JOINT_FIT, windows[0], status=failed_status(error), message=str(error)))]]
 
 
 def sweep_model_lost(task: LoopTask, why: str) -> list[list[Swept]]:
     """The record of a run whose worker died."""
-    return [[_no_sweep(SweepRecord(task.run.name, "", NAME, status="failed", message=why))]]
+    return [[_no_sweep(SweepRecord(task.run.name, "", JOINT_FIT, status="failed", message=why))]]
 
 
 def _no_sweep(record: SweepRecord) -> Swept:
@@ -102,7 +101,9 @@ def _sweep(task: LoopTask, method: Method, windows: tuple[float, ...], times: tu
     """RMSE of the model over each window against identification time, all sensors of a run."""
     observed, prepared = ready(task)
     if prepared is None:
-        return [_no_sweep(SweepRecord(task.run.name, c, NAME, windows[0], status=s, message=w)) for c, s, w in observed.refused]
+        return [
+            _no_sweep(SweepRecord(task.run.name, c, JOINT_FIT, windows[0], status=s, message=w)) for c, s, w in observed.refused
+        ]
     whole, alone = prepared.whole, []
     if task.model is None:
         mine, strange = followers(task, prepared.seen)
@@ -135,7 +136,7 @@ def _sweep(task: LoopTask, method: Method, windows: tuple[float, ...], times: tu
     swept = []
     for i, channel in enumerate(whole.channels):
         ends = [int(((begin + whole.time <= w) & whole.used[i]).sum()) for w in windows]
-        named = task.run.name, (channel,), NAME
+        named = task.run.name, (channel,), JOINT_FIT
         one = named, [bool(doubted[i])], [doubted[i]], windows, np.array(times), rmse[i : i + 1], width[i : i + 1]
         swept.append(Swept(tuple(sweep_records(*one, ends, tolerance_c)), np.array(times), rmse[i], width[i]))
     order = {c: i for i, c in enumerate(task.run.channels)}

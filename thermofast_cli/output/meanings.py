@@ -110,7 +110,7 @@ MEANINGS: Mapping[str, str] = {
     "verdict": "what was found: the effects, none, or unexplained; the change of the machine",
     "also_possible": "models that fit as well",
     "false_alarm_p": "chance of a find like this where nothing is hidden",
-    "event_min": "when the event happened",
+    "event_min": "when the event happened, on the clock of the run, as --until",
     "explained_share": "share of the sensor's misfit that the effects explain",
     "remaining_c": "what they leave beside noise (RMS)",
     "explained": "the effects in the order of what they explain, with the errors before and after",

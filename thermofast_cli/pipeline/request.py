@@ -43,11 +43,6 @@ class Request:
         """Whether something is known of the machine, or looked for, beyond a sensor's readings."""
         return self.model is not None or self.drive is not None or self.auto
 
-    @property
-    def of_whole_runs(self) -> bool:
-        """Whether all sensors of a run have to be worked on together."""
-        return self.of_machine or self.joint or self.criterion is not None
-
     def question(self, rule: Rule | None) -> Question:
         """What is asked of each sensor of a run for which the stopping rule is this one."""
         return Question(self.until_min, self.at_min, self.room_c, rule, self.joint, self.details)

@@ -185,6 +185,11 @@ class Past:
     open_end: frozenset[str] = frozenset()
     unreached: dict[str, float] = field(default_factory=dict)
 
+    @property
+    def staged(self) -> bool:
+        """Whether the rises are those of a logged load that goes in stages, with nothing else that was looked for or learnt."""
+        return self.guessed and not self.searched and not self.cycles and bool(self.rises)
+
     def prior(self, given: Imperfection) -> Imperfection:
         """What a run of this machine may do beside its shape: structure is known, disturbances are of the size learnt.
 
