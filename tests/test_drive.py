@@ -227,3 +227,24 @@ def test_noise_is_no_jump_of_a_logged_column():
     noise = np.random.default_rng(4).standard_normal(len(TIME))
     assert last_change(TIME, 500.0 + 5.0 * noise) == -np.inf
     assert last_change(TIME, 500.0 + 5.0 * noise + np.where(TIME >= 100.0, 60.0, 0.0)) == 100.0
+
+
+@pytest.mark.parametrize(("last", "slow"), [(111.0, 0.2), (150.0, 0.3)])
+def test_a_load_in_stages_begins_where_its_readings_do_and_is_not_done_before_they_are(last, slow):
+    """A low speed first: the one exponential through it all begins well below the first readings."""
+    rng, time = np.random.default_rng(2), np.arange(0.0, last, 0.5)
+    speed = np.where(time < 40.0, 1000.0, np.where(time < 70.0, 6000.0, 8000.0))
+    columns = {"time_min": time, "speed (rpm)": speed}
+    for name, rise, tau in (("front", 16.0, 22.0), ("rear", 18.0, 20.0), ("motor", 20.0, 18.0)):
+        bodies = np.zeros((2, len(time)))
+        for k in range(1, len(time)):
+            heat = (speed[k - 1] / 8000.0) ** 1.54
+            for body, each in enumerate((tau, 4.0 * tau)):
+                bodies[body, k] = heat + (bodies[body, k - 1] - heat) * np.exp(-0.5 / each)
+        own = 21.0 + rise * ((1.0 - slow) * bodies[0] + slow * bodies[1])
+        columns[f"{name} [degC]"] = own + 0.03 * rng.standard_normal(len(time))
+    for row in tf.identify(columns, drive="speed (rpm)"):
+        reading = columns[row.channel]
+        assert row.initial_c == pytest.approx(reading[0], abs=1e-9)
+        if float(np.median(reading[-21:])) < row.initial_c + 0.95 * (row.steady_state_c - row.initial_c):
+            assert row.t95_min >= time[-1] - 0.5
