@@ -18,6 +18,11 @@ def read_only(array: Array) -> Array:
     return view
 
 
+def up_to(minutes: "float | Array") -> "float | Array":
+    """The last time that counts among those until `minutes`: times in seconds are rounded where they become minutes."""
+    return minutes * (1.0 + 1e-12) + 1e-9
+
+
 @dataclass(frozen=True)
 class Observations:
     """time (N,) [min]; reading (S, N) [degC], nan for none; weight (S, N), how many readings each is the mean of, 0 leaves it out.
@@ -190,7 +195,7 @@ class Observations:
         """The same grid with the readings after `minutes` left out."""
         if minutes is None:
             return self
-        seen = self.time <= minutes * (1.0 + 1e-12) + 1e-9
+        seen = self.time <= up_to(minutes)
         extent = float(self.time[seen][-1] - self.time[0]) if seen.any() else 0.0
         return replace(self, weight=np.where(seen, self.weight, 0.0), extent=extent)
 

@@ -11,8 +11,9 @@ from thermofast.models.uncertainty.unknown_heat import HeatRules
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "thresholds.md"
 HEAD = """# Thresholds
 
-What decides, with its value, its unit and where it comes from. Made by `python -m benchmarks.documents.thresholds` of the
-settings objects in `thermofast_cli/estimation/rules.py`, `models/search/rules.py` and `models/uncertainty/unknown_heat.py`.
+What decides in `identify` and in the search, with its value, its unit and where it comes from. Made by
+`python -m benchmarks.documents.thresholds` of the settings objects in
+`thermofast_cli/estimation/rules.py`, `models/search/rules.py` and `models/uncertainty/unknown_heat.py`.
 Settings of the filters are shown by `thermofast filters`, bounds of an effect's parameters by `thermofast effects`.
 """
 

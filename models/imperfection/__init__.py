@@ -4,7 +4,7 @@ from .blocks import Part, pilot
 from .draw import Drawn
 from .evidence import Rates
 from .machine.known import FAST_MODES, SLOW_MODES, Known, to_the_limit
-from .machine.left_out import widths_left_out
+from .machine.left_out import COMPLETE, PRIOR_RUNS, widths_left_out
 from .machine.past import (
     GRID,
     GUESSED_NODES,
@@ -23,11 +23,13 @@ from .prior import NONE, TYPICAL, Imperfection, Sizes
 from .shapes import lagged, room_at_end
 
 __all__ = [
+    "COMPLETE",
     "FAST_MODES",
     "GRID",
     "GUESSED_NODES",
     "NODES",
     "NONE",
+    "PRIOR_RUNS",
     "SCATTER",
     "SLOW_MODES",
     "TYPICAL",

@@ -125,13 +125,13 @@ class SearchRules:
         1.5,
         "times the likelihood ratio",
         "of what is named one after the other, that two effects together must have to take its place",
-        "a stranger's machines with a second mass and a load that changed",
+        "by an independent simulator: machines with a second mass and a load that changed",
     )
     known_size: float = rule(
         1.25,
         "times",
         "an effect of what is logged may be larger or smaller than physics has it, and needs no more evidence than chance gives",
-        "a logged room acts as it is: records of a stranger's hand with a room that rises by 5 K",
+        "a logged room acts as it is: by an independent simulator, records with a room that rises by 5 K",
     )
     room_share: float = rule(
         0.4, "rise so far", "a logged room that moves by more, and in the machine's shape, is warmed by it: not used", BY_HAND

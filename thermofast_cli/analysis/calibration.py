@@ -12,27 +12,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import t_quantile
-from thermofast.models.imperfection import TYPICAL, Imperfection
+from thermofast.models.imperfection import COMPLETE, PRIOR_RUNS, TYPICAL, Imperfection
 
 from ..errors import rounded
 from ..estimation.identify import identify_sensors
 from ..estimation.measured import moved_by_room
 from ..estimation.request import Method, Question
 from ..estimation.sensor import Signals
+from ..machine.foretold import OUTSIDE
 from ..records import CalibrateRecord, IdentifyRecord
 from ..workers.engine import Started
 
 Array = NDArray[np.float64]
 
-#: When a past run is read, in time constants; a run counts as complete from the last of COMPLETE on.
+#: When a past run is read, in time constants.
 TURNS = (0.4, 0.6, 0.8, 1.0, 1.4, 2.0, 3.0)
-COMPLETE = 3.5
 #: Time constants between a reading and the end of its run from which the end tells the limit.
 APART = 1.5
 #: Readings whose mean is the end of a run.
 LAST = 20
-#: Runs that "as wide as the prior says" counts for, and "as wide as at the other times" at each of them.
-PRIOR_RUNS, OTHER_TIMES = 6.0, 12.0
+#: Runs that "as wide as at the other times" counts for at each of them.
+OTHER_TIMES = 12.0
 LEAST, MOST = 0.25, 4.0
 #: Share of its sensors that stand still at the end of a run, below which the run is told as one that goes on.
 SETTLED = 0.5
@@ -235,7 +235,7 @@ def _scores(past: Sequence[Past], candidate: int, factors: Array) -> Array:
             low, middle, high = _parts(one, candidate, t)
             if len(middle):
                 low, high = middle - factors[k, t] * (middle - low), middle + factors[k, t] * (high - middle)
-                found[k, t] = np.mean(high - low + 40.0 * np.maximum(low, 0.0) + 40.0 * np.maximum(-high, 0.0))
+                found[k, t] = np.mean(high - low + OUTSIDE * (np.maximum(low, 0.0) + np.maximum(-high, 0.0)))
     return found
 
 

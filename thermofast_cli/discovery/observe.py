@@ -12,6 +12,7 @@ from thermofast.models import Observations, averaging_window, fit_decay, spike_w
 from thermofast.models.joint import fit_model
 from thermofast.models.noise.chain import came_off, originals
 from thermofast.models.noise.spikes import logger_step
+from thermofast.models.observations import up_to
 from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
 
@@ -310,7 +311,7 @@ def _fastest(rates: Sequence[float], time: Array, reading: Array, weight: Array)
 def _noise(time: Array, reading: Array, weight: Array, until_min: float | None) -> float:
     """Of one reading [K], from those up to until_min where these are enough."""
     used = weight > 0.0
-    early = used if until_min is None else used & (time <= until_min * (1.0 + 1e-12) + 1e-9)
+    early = used if until_min is None else used & (time <= up_to(until_min))
     used = early if np.count_nonzero(early) >= FEWEST_READINGS else used
     return third_difference_noise(reading[used], time[used])
 

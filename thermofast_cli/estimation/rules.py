@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from thermofast.models.search.rules import BY_HAND, rule
 
-ODD_HEATS = "set on networks of another hand; what it takes away would mostly have missed: benchmarks.machines.odd_heats"
+ODD_HEATS = "set on an independent simulator's networks; what it takes away would mostly have missed: benchmarks.machines.odd_heats"
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,13 @@ class EstimationRules:
         25.0,
         "min",
         "read from which on a slow part behind a quick one shows, of machines that warm for hours: below it no row is `ok`",
-        "benchmarks.intervals.two_masses --fast 3 8; of a stranger's machines' rows 46, 35, 9, 2 % missed at 15, 20, 30, 40 min",
+        "benchmarks.intervals.two_masses --fast 3 8; by an independent simulator 46, 35, 9, 2 % missed at 15, 20, 30, 40 min",
     )
     heard_warm_min: float = rule(
         60.0,
         "min",
         "the same of a machine that is warm from before: its sensors begin apart",
-        "a stranger's machines warmed, left for 20 to 120 min, begun anew: 39, 13, 8, 2 % of rows missed at 30, 40, 50, 60 min",
+        "benchmarks.unlike_parts.warm_starts; by an independent simulator 39, 13, 8, 2 % of rows missed at 30, 40, 50, 60 min",
     )
     heard_turns: float = rule(
         60.0,
@@ -61,7 +61,7 @@ class EstimationRules:
         0.5,
         "time constants of past runs, a slow mass counted (a third of their time to 95 %)",
         "read, up to which intervals reach to what past runs say, where the readings let these go",
-        "a stranger's machines: of repeats with a tank or windings 21 of 22 rows were let go at 0.2 to 0.4, none at 0.8; "
+        "by an independent simulator: of repeats with a tank or windings 21 of 22 rows were let go at 0.2 to 0.4, none at 0.8; "
         "at 1 benchmarks.intervals.past_runs is twice as wide",
     )
     tried_until: float = rule(
@@ -72,7 +72,7 @@ class EstimationRules:
         2.0,
         "deviations from run to run",
         "that a run's rates are off past ones, by the median, beyond which intervals are those of its readings alone at least",
-        "a stranger's machines: repeats are off by 0.5 at most, a heat capacity of 0.8 or 1.25 times by 2 and more",
+        "by an independent simulator: repeats are off by 0.5 at most, a heat capacity of 0.8 or 1.25 times by 2 and more",
     )
     searched: float = rule(
         3.0,
@@ -128,7 +128,7 @@ class EstimationRules:
         0.5,
         "time constants",
         "since the load changed, before which a row is doubtful",
-        "a stranger's machines with a logged speed: of 261 `ok` rows sooner after a step 76 % held, later 93 and more",
+        "benchmarks.unlike_parts.stages; by an independent simulator 76 % of 261 rows sooner after a step held",
     )
     behind: float = rule(
         0.1,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import difference_noise, third_difference_noise
 from thermofast.models.noise.spikes import logger_step, logger_steps
+from thermofast.models.observations import up_to
 
 from .rules import RULES
 
@@ -92,7 +93,7 @@ class Sensor:
 
 
 def _until(time: Array, minutes: float | None) -> int:
-    return len(time) if minutes is None else int(np.searchsorted(time, minutes * (1 + 1e-12) + 1e-9, "right"))
+    return len(time) if minutes is None else int(np.searchsorted(time, up_to(minutes), "right"))
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from thermofast.filters import Track
 from thermofast.models import growth, spike_weights
+from thermofast.models.observations import up_to
 from thermofast.models.standards import Criterion
 
 from ..errors import rounded
@@ -237,7 +238,7 @@ class _Block:
 
         (S, m) of readings (S, n).
         """
-        last = np.searchsorted(self.sensors.time[: self.count], self.times * (1 + 1e-12) + 1e-9, "right") - 1
+        last = np.searchsorted(self.sensors.time[: self.count], up_to(self.times), "right") - 1
         moved = reading != reading[:, :1]
         first = np.where(moved.any(axis=1), moved.argmax(axis=1), reading.shape[1])
         least = np.maximum(RULES.fewest_readings - 1, first)

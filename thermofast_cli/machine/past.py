@@ -10,6 +10,7 @@ from thermofast.models.coloured import fit_disturbed
 from thermofast.models.effects.base import Effect
 from thermofast.models.effects.load_step import DriveLaw
 from thermofast.models.imperfection import (
+    COMPLETE,
     FAST_MODES,
     GRID,
     GUESSED_NODES,
@@ -60,8 +61,6 @@ LEAST_HEAT = 0.1
 DRIVEN, RESTLESS, AT_EVENTS = 0.03, 0.15, 0.1
 STAYED = 2.0
 SINK_KEY = Key(-1, SINK.name)
-#: Time constants from which on a run tells what slower masses do.
-COMPLETE = 3.5
 #: Share of the rise from which on what the readings of past runs alone leave open of their end is told.
 OPEN = 0.05
 #: Share of the way to its end, by its own model, below which what a run ended at says little of that end.

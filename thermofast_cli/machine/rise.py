@@ -10,6 +10,7 @@ from thermofast.models import Observations
 from thermofast.models.arrow import covariance_root
 from thermofast.models.imperfection import GRID, NODES, Rise
 from thermofast.models.joint import LEVEL, RATE, START, Fit, Key, Model
+from thermofast.models.observations import up_to
 from thermofast.models.relaxation import relaxed
 
 from .jumps import last_level
@@ -51,7 +52,7 @@ def rises_of(
         rest, later = rest / float(np.exp(DRIVEN_MODES.min())), later**2
     later = end + rest * later
     seen = together(fit, _extended(fit, whole, len(whole.time) - 1, last, later), last, range(len(fit.model.parts)))
-    told = len(whole.time) if until_min is None else int(np.searchsorted(whole.time, until_min * (1.0 + 1e-12) + 1e-9, "right"))
+    told = len(whole.time) if until_min is None else int(np.searchsorted(whole.time, up_to(until_min), "right"))
     held = together(fit, _extended(fit, whole, max(last, told - 1), last, later), last, lasting(fit))
     runs = _Runs(seen, held, float(whole.time[max(last, told - 1)]), *(_of_others(fit, over, last) for over in (seen, held)))
     return {c: _rise(fit, i, runs, nodes, other_modes) for i, c in enumerate(fit.run.channels)}

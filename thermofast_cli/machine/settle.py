@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from thermofast.models import Observations
 from thermofast.models.joint import LEVEL, RATE, START, Fit, fit_model
+from thermofast.models.observations import up_to
 from thermofast.models.search.judge import sensor_p_values
 from thermofast.models.search.rules import RULES
 
@@ -126,7 +127,7 @@ def _sweep(task: LoopTask, method: Method, windows: tuple[float, ...], times: tu
             fit = carry(task.model.file, seen, task.run.name, task.model.source).fit
         error = np.where(whole.used, np.nan_to_num(whole.reading) - fit.curve, 0.0)
         for j, window in enumerate(windows):
-            inside = (begin + whole.time <= window * (1 + 1e-12) + 1e-9) & whole.used
+            inside = (begin + whole.time <= up_to(window)) & whole.used
             if until < window - 1e-9:
                 rmse[:, j, k] = np.sqrt((np.where(inside, error, 0.0) ** 2).sum(axis=1) / np.maximum(inside.sum(axis=1) - 1, 1))
         wide = half_widths(task, method, until - begin)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thermofast.models.observations import up_to
 from thermofast.models.standards import Criterion
 
 from ..errors import TooShortError, UsageError
@@ -235,7 +236,7 @@ def _goes_on(known: "Knowledge", run: Run, until_min: float | None) -> bool:
     """Whether what is known of a run counts something logged that moves after the time up to which the run is read."""
     if until_min is None or known.past is None or not known.past.rises:
         return False
-    since = int(np.searchsorted(run.time_s / 60.0, until_min * (1.0 + 1e-12) + 1e-9)) - 1
+    since = int(np.searchsorted(run.time_s / 60.0, up_to(until_min))) - 1
     ahead = [c[since:][np.isfinite(c[since:])] for c in (*run.inputs.values(), *run.ambient.values())]
     return any(len(c) > 1 and float(np.ptp(c)) > 0.0 for c in ahead)
 

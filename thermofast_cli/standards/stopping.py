@@ -11,6 +11,7 @@ from thermofast.models import bridged, spike_weights, t_quantile, third_differen
 from thermofast.models.core.tails import f_tail
 from thermofast.models.imperfection import Drawn, Past
 from thermofast.models.noise.spikes import logger_steps
+from thermofast.models.observations import up_to
 from thermofast.models.standards import LONGEST_GAP, Criterion, three_point
 
 from ..errors import rounded
@@ -71,7 +72,7 @@ class Rule:
     def of(cls, criterion: Criterion, run: Run, start: float, until_min: float | None) -> "Rule":
         """For a run whose rise begins at `start` [min], of what was read until `until_min`, both on the run's clock."""
         minutes = run.time_s / 60.0
-        last = math.inf if until_min is None else until_min * (1.0 + 1e-12) + 1e-9
+        last = math.inf if until_min is None else up_to(until_min)
         some = (minutes >= start) & (minutes <= last)
         readings = []
         for column in run.channels.values():

@@ -12,7 +12,7 @@ from ..prior import Imperfection
 from ..shapes import FIRST_TIME, Asked, of_room
 from .past import Past, PastRun, learn_past
 
-#: When a run left out is read, in time constants, and when it counts as complete.
+#: When a run left out is read, in time constants, and from which on a run is complete: it tells what slower masses do.
 TURNS = (0.25, 0.5, 1.0, 2.0, 3.0)
 COMPLETE = 3.5
 #: Runs from which on they are held against each other; runs that "as wide as the prior says" counts for.
