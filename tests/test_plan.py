@@ -9,7 +9,7 @@ import pytest
 import thermofast as tf
 from thermofast.experiments import planning
 from thermofast.experiments.planning import Design, _curve, alternatives
-from thermofast.models.imperfection import TYPICAL
+from thermofast.models.imperfection import NONE, TYPICAL, Past, SensorShape
 from thermofast.models.imperfection.draw import draw_record
 from thermofast.pipeline.around import design_like
 
@@ -193,3 +193,33 @@ def test_the_logged_room_of_the_record_counts():
     assert known.sum() >= 5
     assert float(np.min(half[1][known] / half[0][known])) < 0.3
     assert np.nanmin(half[1]) < 0.5
+
+
+def test_each_sensor_of_a_model_keeps_its_own_rise_and_time_constant_in_a_plan():
+    """A small slow one listed first: with the largest rise, or at the others' rate, it would set what is planned."""
+    none = SensorShape.unseen(0.0, 0.05, TYPICAL)
+    shapes = {
+        "bed": replace(none, log_rate=-np.log(200.0)),
+        "front": replace(none, log_rate=-np.log(40.0)),
+        "rear": replace(none, log_rate=-np.log(50.0)),
+    }
+    past, design = Past(shapes, runs=3), Design(sensors=3, rise_c=18.0, tau_min=50.0, rises_c=(2.0, 18.0, 20.0))
+    machine = planning._Machine.of(planning.Option("as asked", design, TYPICAL, past=past))
+    assert machine.names == ("bed", "front", "rear")
+    assert machine.rises == pytest.approx([2.0, 18.0, 20.0])
+    assert machine.tau == pytest.approx([200.0, 40.0, 50.0])
+    drawn = machine.drawn(NONE, np.array([0.0, 50.0, 1e5]), np.zeros(3), np.random.default_rng(1))
+    assert drawn[:, 1] == pytest.approx(machine.rises * -np.expm1(-50.0 / machine.tau), rel=1e-2)
+    twice = planning._Machine.of(planning.Option("twice", replace(design, sensors=6), TYPICAL, past=past, beside=2))
+    assert twice.names == ("bed", "bed", "front", "front", "rear", "rear")
+    few = planning._Machine.of(planning.Option("two", replace(design, sensors=2), TYPICAL, past=past))
+    assert few.names == ("bed", "rear")
+
+
+def test_a_plan_names_the_sensor_that_is_last():
+    names = ("bed", "front", "rear")
+    assert planning._last(names, np.array([1.0, 0.9, 0.8])) == "'bed'"
+    told = planning._last(names, np.array([0.2, 0.3, 1.0]))
+    assert told.startswith("'rear' alone")
+    assert "--exclude it" in told
+    assert planning._last(("bed", "bed"), np.array([5.0, 1.0])) == "'bed'"

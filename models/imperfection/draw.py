@@ -16,18 +16,19 @@ SHARED = ("room", "load")
 
 
 def draw_record(
-    prior: Imperfection, time: Array, tau: float, rises: Array, noise: Array, rng: np.random.Generator
+    prior: Imperfection, time: Array, tau: Array | float, rises: Array, noise: Array, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """(readings, true limits), (S, n) and (S,) [K above the beginning]: law, background of the prior and white noise.
 
-    time (n,) [min] from nought on; tau [min], of all but for the prior's spread; rises (S,) [K]; noise (S,) or a number [K].
+    time (n,) [min] from nought on; tau [min], of all or of each (S,), but for the prior's spread; rises (S,) [K]; noise (S,) or a
+    number [K].
     """
     rows = len(time) + 1  # the readings and the limit
-    of_room, of_load, of_own = _roots(prior, tuple(time.tolist()), tau)
+    of_room, of_load, of_own = _roots(prior, tuple(time.tolist()), float(np.median(tau)))
     sensors = len(rises)
     swing, air = of_load @ rng.standard_normal(rows), of_room @ rng.standard_normal(rows)
     beside = rises[:, None] * (swing + (of_own @ rng.standard_normal((rows, sensors))).T) + air
-    own_tau = tau * np.exp(prior.rate_spread * rng.standard_normal((sensors, 1)))
+    own_tau = np.reshape(tau, (-1, 1)) * np.exp(prior.rate_spread * rng.standard_normal((sensors, 1)))
     clean = rises[:, None] * np.concatenate([-np.expm1(-time / own_tau), np.ones((sensors, 1))], axis=1) + beside
     white = np.broadcast_to(noise, (sensors,))[:, None] * rng.standard_normal((sensors, len(time)))
     return clean[:, :-1] + white, clean[:, -1]

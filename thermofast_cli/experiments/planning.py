@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermofast.models.imperfection import NONE, SCATTER, Imperfection, Part, Past, PastRun, Rates, learn_past, settle
+from thermofast.models.imperfection import NONE, SCATTER, Imperfection, Known, Part, Past, PastRun, Rates, learn_past, settle
 from thermofast.models.imperfection.draw import draw_record
 
 from ..analysis.watching import TOGETHER
@@ -27,6 +27,8 @@ MOST_SENSORS = 12
 QUIET_SHARE, QUIET_SPREAD = 0.005, 0.4
 #: The alternative that no machine is.
 LAW = "a machine that is the law"
+#: Times the half-width of all others from which one sensor alone sets how long a test must be.
+ALONE = 3.0
 #: Numbers of past runs that are tried, and time constants of a complete one.
 PAST_RUNS, COMPLETE = (1, 4, 10), 5.0
 
@@ -35,7 +37,8 @@ PAST_RUNS, COMPLETE = (1, 4, 10), 5.0
 class Design:
     """A test: sensors, seconds between readings, noise [K], rise [K] and time constant [min] that are expected.
 
-    rises_c: those of the machine's sensors, where they are known, in the proportions of which rise_c is the median.
+    rises_c: those of the machine's sensors, where they are known, in the proportions of which rise_c is the median, in the order of
+    what past runs tell of them. tau_min is the median of their time constants.
     """
 
     sensors: int = 10
@@ -50,13 +53,14 @@ class Design:
 class Curve:
     """Half-width of the steady state's interval (n,) [K] against the time measured (n,) [min]; nan where a side is open.
 
-    draws (d, n) are those of single records, half_width their median.
+    draws (d, n) are those of single records, half_width their median. widest: in words, of known sensors the one that comes last.
     """
 
     name: str
     time: Array
     half_width: Array
     draws: Array
+    widest: str = ""
 
 
 @dataclass(frozen=True)
@@ -201,11 +205,20 @@ def _watched(option: Option, time: float) -> str:
     return f"watch does not stop before {turns} time constants ({rounded(least, 3)} min), before which no slower part shows"
 
 
+def _last(names: Sequence[str], widths: Array) -> str:
+    """Which sensor comes last within a tolerance, by the half-widths (S,) at the end, and what to do where it is alone in that."""
+    name = names[int(np.argmax(widths))]
+    others = widths[[other != name for other in names]]
+    alone = len(others) > 0 and float(widths.max()) > ALONE * float(others.max())
+    return f"{name!r}" + (" alone (if it does not matter, --exclude it from what is learnt and from the test)" if alone else "")
+
+
 def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
     within = f"within {TURNS[-1]:g} time constants ({rounded(float(curve.time[-1]), 3)} min)"
     if best < tolerance:
         return f"{within} it comes to +-{rounded(best)} K at best, but not on half of the machines drawn so that it stays so"
     reached = f"{within} it comes to +-{rounded(best)} K at best" if math.isfinite(best) else f"{within} no side is ever closed"
+    reached += f", {curve.widest} last" if curve.widest else ""
     alone = needed(law.time, law.half_width, tolerance)
     if curve.name != law.name and alone is not None:
         return f"{reached}: the machine is the limit, not the readings, which alone would do after {alone:.3g} min"
@@ -242,17 +255,53 @@ def _rises(design: Design, sensors: int) -> Array:
     return design.rise_c * np.exp(0.25 * np.linspace(-1.0, 1.0, sensors)) if sensors > 1 else np.array([design.rise_c])
 
 
+@dataclass(frozen=True)
+class _Machine:
+    """Sensors of a draw: names, rises (S,) [K], time constants (S,) [min], what past runs say of each, and the shape (S, n) beside
+    the law that these know, over time constants x (n,).
+    """
+
+    names: tuple[str, ...]
+    rises: Array
+    tau: Array
+    known: Known | None = None
+    shape: Array | None = None
+
+    @classmethod
+    def of(cls, option: Option) -> "_Machine":
+        """Those that are asked for, each with what stands beside it."""
+        design, past = option.design, option.past
+        asked = min(design.sensors // option.beside, MOST_SENSORS)
+        if past is None:
+            rises = np.repeat(_rises(design, asked), option.beside)
+            return cls(("",) * len(rises), rises, np.full(len(rises), design.tau_min))
+        every = list(past.shapes)
+        # More than a draw has: some of them, from the first to the last.
+        some = np.linspace(0, len(every) - 1, asked).round().astype(int) if asked < len(every) else np.arange(asked) % len(every)
+        names = [every[k] for k in np.repeat(some, option.beside)]
+        own = len(design.rises_c) == len(every)
+        of_each = design.rise_c * np.asarray(design.rises_c) / np.median(design.rises_c) if own else _rises(design, len(every))
+        rises = np.repeat(of_each[some], option.beside)
+        rates = np.array([past.shapes[name].log_rate for name in names])
+        tau = design.tau_min * np.exp(np.median([s.log_rate for s in past.shapes.values()]) - rates)
+        shapes = {str(i): replace(past.shapes[n], log_rate=-math.log(tau[i])) for i, n in enumerate(names)}
+        known = replace(past, shapes=shapes, rises={}).known(tuple(shapes))
+        return cls(tuple(names), rises, tau, known, known.curve[:, 0] + np.expm1(-known.x))
+
+    def drawn(self, prior: Imperfection, time: Array, noise: Array, rng: np.random.Generator) -> Array:
+        """Readings (S, n) of a record of such a machine."""
+        reading, _ = draw_record(prior, time, self.tau, self.rises, noise, rng)
+        if self.known is not None and self.shape is not None:
+            beside = [np.interp(time / tau, self.known.x, line) for tau, line in zip(self.tau, self.shape, strict=True)]
+            reading = reading + self.rises[:, None] * np.array(beside)
+        return reading
+
+
 def _curve(option: Option) -> Curve:
     design, past = option.design, option.past
-    asked = min(design.sensors // option.beside, MOST_SENSORS)
-    sensors, rises = asked * option.beside, np.repeat(_rises(design, asked), option.beside)
-    prior, known, shape = option.prior, None, None
-    if past is not None:
-        told = list(past.shapes.values())
-        own = {str(i): replace(told[i // option.beside % len(told)], log_rate=-math.log(design.tau_min)) for i in range(sensors)}
-        known, prior = replace(past, shapes=own, rises={}).known(tuple(own)), past.prior(prior)
-        shape = known.curve[:, 0] + np.expm1(-known.x)
-    half = np.full((DRAWS, len(TURNS)), np.nan)
+    machine, prior = _Machine.of(option), option.prior if past is None else past.prior(option.prior)
+    sensors = len(machine.names)
+    half, widths = np.full((DRAWS, len(TURNS)), np.nan), np.zeros(sensors)
     for k, turn in enumerate(TURNS):
         span = turn * design.tau_min
         count = span * 60.0 / design.interval_s + 1.0
@@ -263,13 +312,17 @@ def _curve(option: Option) -> Curve:
             rng = np.random.default_rng([7, d, k])
             noise = np.full(sensors, design.noise_c * math.sqrt(READINGS / count))
             time = np.linspace(0.0, span, READINGS)
-            reading, _ = draw_record(prior, time, design.tau_min, rises, noise, rng)
-            if known is not None and shape is not None:
-                reading += rises[:, None] * np.array([np.interp(time / design.tau_min, known.x, line) for line in shape])
-            part = Part(time, reading, noise, np.zeros(sensors), known=known)
+            part = Part(time, machine.drawn(prior, time, noise, rng), noise, np.zeros(sensors), known=machine.known)
             found = settle([part], min(design.tau_min, 2.0 * span), prior, rates=option.rates)
-            width = 0.5 * (found.steady[:, 2] - found.steady[:, 0])
-            half[d, k] = of_all(np.where(found.rate_unknown > 0.5, np.inf, width)[:: option.beside], prior.none)
+            widths = 0.5 * (found.steady[:, 2] - found.steady[:, 0])
+            widths = np.where(found.rate_unknown > 0.5, np.inf, widths)
+            half[d, k] = of_all(widths[:: option.beside], prior.none)
     middle = np.median(half, axis=0)
     half = np.where(np.isfinite(half), half, np.nan)
-    return Curve(option.name, TURNS * design.tau_min, np.where(np.isfinite(middle), middle, np.nan), half)
+    return Curve(
+        option.name,
+        TURNS * design.tau_min,
+        np.where(np.isfinite(middle), middle, np.nan),
+        half,
+        _last(machine.names, widths) if past else "",
+    )

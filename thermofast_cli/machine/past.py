@@ -370,16 +370,16 @@ def past_of_model(model: Model) -> Past:
     return past
 
 
-def rises_of_model(model: Model) -> tuple[float, ...]:
-    """How far [K] each sensor that moved rose in the first run that a model was learnt from, by the law.
+def rises_of_model(model: Model) -> dict[str, float]:
+    """How far [K] each sensor that moved, by name, rose in the first run that a model was learnt from, by the law.
 
     Where effects carry a part of the rise: how far the runs went.
     """
     if model.file.effects:
         shapes = model.file.past.shapes if model.file.past is not None else ()
-        return tuple(abs(s.moved_c) for s in shapes if s.moved_c)
+        return {s.channel: abs(s.moved_c) for s in shapes if s.moved_c}
     level, start = ({n.channel: n.value for n in model.file.base if n.name == name} for name in ("level", "start"))
-    return tuple(abs(level[c] - start[c]) for c in level if c in start and level[c] != start[c])
+    return {c: abs(level[c] - start[c]) for c in level if c is not None and c in start and level[c] != start[c]}
 
 
 def _said(effects: Sequence[str], source: str, runs: int) -> str:

@@ -201,7 +201,10 @@ def plan_design(
             first, rises = model.file.learnt_from, rises_of_model(model)
             if not rises and "rise_c" not in given:
                 raise UsageError(f"{model.source} does not say how far its runs rose", do="say --rise, or learn it anew")
-            told |= {"rises_c": rises, "rise_c": median(rises)} if rises else {}
+            if rises:
+                past = replace(past, shapes={c: s for c, s in past.shapes.items() if c in rises})
+                own = tuple(rises[c] for c in past.shapes)
+                told |= {"sensors": len(own), "rises_c": own, "rise_c": median(own)}
             told |= {"interval_s": 60.0 * first.length_min / (first.readings - 1)} if first.readings > 1 else {}
             noises = [s.noise_c for s in past.shapes.values() if s.noise_c > 0.0]
             told |= {"noise_c": median(noises)} if noises else {}
