@@ -85,7 +85,7 @@ def test_steps_of_a_column_near_a_stretch():
     """A few of them, up to three readings after it begins; one that jumps all the time steps nowhere."""
     time = np.arange(200.0)
     column = np.select([time < 50, time < 100, time < 150], [0.0, 1.0, 0.0], 1.0)
-    run = SimpleNamespace(inputs={"fan": column}, ambient={}, time=time, span=199.0, step=1.0)
+    run = SimpleNamespace(inputs={"fan": column}, ambient={}, time=time, clock=time, span=199.0, step=1.0)
     assert steps_near(run, 98.0) == ["fan steps from 1 to 0 at 100 min"]
     assert steps_near(run, 96.0) == []
     restless = SimpleNamespace(**{**vars(run), "inputs": {"fan": (time // 5) % 2}})

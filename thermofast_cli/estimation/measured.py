@@ -303,6 +303,7 @@ def with_claims(
     t95[back] = np.nan
     _to_the_beginning(steady, law, sensors)
     steady[steady[:, 0] < ABSOLUTE_ZERO_C, 0] = np.nan  # as far as nobody can go is no bound
+    _without_endless(steady, t95, law, sensors)
     return replace(
         law,
         steady_state=steady[:, 1],
@@ -313,6 +314,17 @@ def with_claims(
         t95_low=t95[:, 0],
         t95_high=t95[:, 2],
     )
+
+
+def _without_endless(steady: Array, t95: Array, law: "Estimates", sensors: Sensors) -> None:
+    """Opens limits (S, 3) many times farther off than all that was read, and their times (S, 3): a number would be a promise."""
+    seen = np.maximum(went(law, sensors), law.noise)[:, None]
+    with np.errstate(invalid="ignore"):
+        far = np.abs(steady - law.state[:, :1]) > RULES.farthest * seen
+    steady[far] = np.nan
+    rises = steady[:, 1] >= law.initial
+    t95[far[:, 2] & rises, 2] = t95[far[:, 0] & ~rises, 2] = np.nan
+    t95[far[:, 1]] = np.nan
 
 
 def came_loose(time: Array, reading: Array, resolution: Array, changed_min: float | None = None) -> dict[int, str]:

@@ -108,6 +108,9 @@ class EstimationRules:
         0.5, "1", "of the earlier readings' weight: below it the filter's own state stands, not a likelihood", BY_HAND
     )
     widest: float = rule(5.0, "rise so far", "a wider interval of the steady state determines nothing", BY_HAND)
+    farthest: float = rule(
+        50.0, "what was seen of it", "a limit, or a side of one, farther from the last readings is no number", BY_HAND
+    )
     backwards: float = rule(
         1.0, "rise so far", "an interval that reaches farther back behind where the sensor began determines nothing", BY_HAND
     )
