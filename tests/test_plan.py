@@ -46,12 +46,12 @@ def test_a_wish_that_the_machine_forbids_is_told_so(tool, monkeypatch, tmp_path)
     monkeypatch.setattr(planning, "TURNS", np.geomspace(0.3, 5.0, 5))
     picture = tmp_path / "plan.png"
     done = tool(
-        "plan", "--tolerance", "1.5,0.02", "--sensors", 3, "--interval", "30s", "--format", "json", "-q", "--save-plot", picture
+        "plan", "--tolerance", "2.5,0.02", "--sensors", 3, "--interval", "30s", "--format", "json", "-q", "--save-plot", picture
     )
     assert done.code == 0
     rows = {(r["channel"], r["tolerance_c"]): r for r in json.loads(done.out)["records"]}
-    assert rows["as asked", 1.5]["status"] == "ok"
-    assert rows["as asked", 1.5]["interval_s"] == 30.0
+    assert rows["as asked", 2.5]["status"] == "ok"
+    assert rows["as asked", 2.5]["interval_s"] == 30.0
     hopeless = rows["as asked", 0.02]
     assert (hopeless["status"], hopeless["time_min"]) == ("hopeless", None)
     assert "the machine is the limit, not the readings, which alone would do after" in hopeless["message"]
@@ -64,8 +64,8 @@ def test_a_wish_that_the_machine_forbids_is_told_so(tool, monkeypatch, tmp_path)
     assert {r["message"] for r in early if any(k in r["channel"] for k in known)} == {""}
     assert not any(waits in r["message"] for r in rows.values() if (r["time_constants"] or 9.0) >= 1.5)
     assert picture.stat().st_size > 10_000
-    drawn = tool("plan", "--tolerance", 1.5, "--sensors", 3, "--interval", "30s", "--format", "table", "-q")
-    told = sum(r["tolerance_c"] == 1.5 and waits in r["message"] for r in rows.values())
+    drawn = tool("plan", "--tolerance", 2.5, "--sensors", 3, "--interval", "30s", "--format", "table", "-q")
+    told = sum(r["tolerance_c"] == 2.5 and waits in r["message"] for r in rows.values())
     assert told > 1
     assert f"{told} tests: {waits}" in drawn.out
 

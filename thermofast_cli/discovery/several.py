@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from thermofast.models import Observations
 from thermofast.models.joint import RATE, Fit
 from thermofast.models.search.discover import Discovery
-from thermofast.models.search.judge import widening
 
 from ..errors import ThermofastError, UsageError, rounded
 from ..records import Record
@@ -22,7 +21,7 @@ Array = NDArray[np.float64]
 READ = 1.0 / 3.0
 #: How far apart logarithms of rates are, in the median sensor and of sensors against each other, where runs are of two machines.
 ALL_FASTER, OUT_OF_STEP = 0.7, 0.35
-#: Deviation of the logarithm of a rate from which it is no evidence of that: no smaller than what is looked for.
+#: Deviation of the logarithm of a rate, by noise alone, from which it is no evidence of that: no smaller than what is looked for.
 RATE_KNOWN = 0.35
 #: So many of the models nearest to a run are looked at, beside the base model and what is named.
 LIKELY = 6
@@ -134,7 +133,7 @@ def _events(fit: Fit) -> bool:
 def _log_rates(fit: Fit) -> Array:
     """Logarithms of the rates (S,), nan of a sensor that hardly moves: its rate may be any, which is no evidence."""
     found: Array = np.log(np.broadcast_to(fit.values[RATE], fit.run.sensors))
-    return np.where(widening(fit) * fit.deviations[RATE] <= RATE_KNOWN, found, np.nan)
+    return np.where(fit.deviations[RATE] <= RATE_KNOWN, found, np.nan)
 
 
 def _size(values: Array) -> float:
