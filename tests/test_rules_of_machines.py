@@ -103,6 +103,11 @@ def test_ends_that_typical_intervals_do_not_hold_forbid_a_prior_of_fewer_strong_
 
     assert calibration.learn(list(runs(6))).prior.strong_share < TYPICAL.strong_share
     assert calibration.learn(list(runs(3))).prior.strong_share == TYPICAL.strong_share
+    # Nor is one taken that holds them only by what it is widened to.
+    off_by = [
+        replace(one, foretold=one.foretold + np.where(np.arange(priors) == rare, 1.0, 0.0)[:, None, None, None]) for one in runs(6)
+    ]
+    assert calibration.learn(off_by).prior.strong_share == TYPICAL.strong_share
 
 
 def test_how_far_off_a_foretold_end_was_counts_the_half_on_its_side(monkeypatch):

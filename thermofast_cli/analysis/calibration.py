@@ -151,10 +151,12 @@ def learn(past: Sequence[Past]) -> Lab:
     """
     before = _scores(past, 0, np.ones((len(past), len(TURNS))))
     level = _mean(before)
-    best, chosen = np.inf, 0
-    held = _held(past)
+    best, chosen, held = np.inf, 0, _held(past)
+    rare = {c: _held(past, c) for c, one in enumerate(to_choose(len(past))) if one.strong_share < TYPICAL.strong_share}
+    # What takes strong effects for rare must hold the ends by itself, not by what it is widened to.
+    quiet = {c for c, share in rare.items() if min(held, share) >= HELD}
     for c in range(len(to_choose(len(past)))):
-        if held < HELD and CANDIDATES[c].strong_share < TYPICAL.strong_share:
+        if c in rare and c not in quiet:
             continue
         scores = _scores(past, c, _left_out_factors(past, c))
         score = float(_mean(_mean(scores) / level))
@@ -163,8 +165,9 @@ def learn(past: Sequence[Past]) -> Lab:
     factors = _factors(past, chosen, np.arange(len(past)))
     prior = replace(CANDIDATES[chosen], factors=tuple(zip(TURNS, factors.tolist(), strict=True)))
     notes = []
-    if held < HELD and len(past) >= ENOUGH:
-        common = f"typical intervals hold {100.0 * held:.0f} % of the ends: strong effects are common in these machines"
+    if rare and not quiet:
+        most = max(min(held, share) for share in rare.values())
+        common = f"intervals for quiet machines hold {100.0 * most:.0f} % of the ends: strong effects are common in these machines"
         notes.append(f"{common}; learn each by itself (thermofast improve --together)")
     moving = sum(p.settled < SETTLED for p in past)
     if moving:
@@ -179,11 +182,11 @@ def _wider(row: CalibrateRecord) -> list[str]:
     return [f"the errors ask for more than {MOST:g} times the width"] if row.factor is not None and row.factor >= MOST else []
 
 
-def _held(past: Sequence[Past]) -> float:
-    """Share of the ends that intervals of the typical prior hold, from FROM_TURN on; each run counts once."""
+def _held(past: Sequence[Past], candidate: int = 0) -> float:
+    """Share of the ends that intervals of a prior hold, by itself, from FROM_TURN on; each run counts once."""
     of_runs = []
     for one in past:
-        parts = [_parts(one, 0, t) for t, turn in enumerate(TURNS) if turn >= FROM_TURN]
+        parts = [_parts(one, candidate, t) for t, turn in enumerate(TURNS) if turn >= FROM_TURN]
         inside = [np.mean((low <= 0.0) & (high >= 0.0)) for low, _, high in parts if len(low)]
         of_runs += [float(np.mean(inside))] if inside else []
     return float(np.mean(of_runs)) if of_runs else 1.0
