@@ -35,8 +35,8 @@ class Observations:
     heats those that are a power, a current or a load, which change no loss, cools a fan or a flow, which brings no heat.
     heat_unit is what a heat of 1 is in the column's own unit: its largest until the last reading used. extent [min] is how far the
     readings go that are used, or those that a model was learnt from, 0 for all of them: bounds of parameters are shares of it, and
-    neither readings left out nor what comes after them move it. begin_min is where time 0 lies on the clock of the run, on which
-    all that is told of times is told.
+    neither readings left out nor what comes after them move it. start_min is where time 0 lies on the clock of the run, on which
+    times are told.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Observations:
     cools: tuple[str, ...] = ()
     heat_unit: float = 1.0
     extent: float = 0.0
-    begin_min: float = 0.0
+    start_min: float = 0.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -78,7 +78,7 @@ class Observations:
     @property
     def clock(self) -> Array:
         """The times (N,) on the clock of the run [min after its first reading]."""
-        return self.begin_min + self.time
+        return self.start_min + self.time
 
     @property
     def span(self) -> float:

@@ -166,3 +166,14 @@ def test_a_turning_point_is_no_equilibrium_of_one_to_which_heat_is_on_its_way():
     steady, settled = measured_equilibria(time, reading, behind=np.array([np.nan, -0.1]))
     assert np.isfinite([steady[0], settled[0]]).all()
     assert np.isnan([steady[1], settled[1]]).all()
+
+
+def test_a_plan_knows_nothing_of_a_sensor_that_did_not_move(model, monkeypatch):
+    first, *others = model.file.past.shapes
+    past = msgspec.structs.replace(model.file.past, shapes=(msgspec.structs.replace(first, moved_c=None), *others))
+    still, asked = replace(model, file=msgspec.structs.replace(model.file, past=past)), []
+    monkeypatch.setattr(planning, "plan", lambda design, _t, _p, _a, told, *_: (asked.append((design, told)), ([], []))[1])
+    tf.plan(1.0, model=still)
+    [(design, told)] = asked
+    assert list(told.shapes) == [s.channel for s in others]
+    assert design.sensors == len(design.rises_c) == len(others)

@@ -173,7 +173,7 @@ def test_a_coolant_in_degrees_by_the_letter_of_its_name_brings_heat():
 
 def test_when_something_changed_is_told_by_a_model_whose_moment_was_searched():
     """What follows a logged column has none: it was a KeyError."""
-    seen = SimpleNamespace(clock=30.0 + np.arange(10.0), begin_min=30.0, span=9.0)
+    seen = SimpleNamespace(clock=30.0 + np.arange(10.0), start_min=30.0, span=9.0)
     effect = SimpleNamespace(event="event", scope="run")
     part = SimpleNamespace(effect=effect)
     followed = SimpleNamespace(parts=[part], fit=SimpleNamespace(values={}))

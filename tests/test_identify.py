@@ -11,7 +11,7 @@ from simulator import lump, spindle
 import thermofast as tf
 from thermofast.estimation.closing import estimates_at, settling
 from thermofast.estimation.identify import identify_sensors
-from thermofast.estimation.measured import _not_done_before, _to_the_beginning
+from thermofast.estimation.measured import _not_done_before, _to_the_beginning, went
 from thermofast.estimation.request import Method, Question
 from thermofast.estimation.sensor import Signals
 from thermofast.estimation.sweep import sweep_sensors
@@ -333,6 +333,20 @@ def test_an_interval_that_ends_just_short_of_where_a_sensor_began_reaches_it():
     law = SimpleNamespace(initial=np.array([20.0, 20.0]), state=np.array([[22.0], [22.0]]), time=119.0, weights=np.ones((2, 120)))
     seen = SimpleNamespace(time=time, reading=np.stack([reading, reading]))
     steady = np.array([[20.15, 21.0, 24.0], [21.0, 21.5, 24.0]])
-    _to_the_beginning(steady, law, seen)
+    _to_the_beginning(steady, law, went(law, seen))
     assert steady[0, 0] == pytest.approx(20.0 - 0.03 * 14.25, abs=0.02)
     assert steady[1].tolist() == [21.0, 21.5, 24.0]
+
+
+def test_a_side_of_a_limit_far_beyond_all_that_was_read_is_open(monkeypatch):
+    from thermofast.estimation import measured
+
+    time = np.arange(0.0, 41.0)
+    columns = {"time_min": time, "a": 20.0 + 10.0 * -np.expm1(-time / 60.0) + 0.02 * np.random.default_rng(1).standard_normal(41)}
+    near = tf.identify(columns)[0]
+    seen = columns["a"][-1] - near.initial_c
+    assert near.steady_state_lo_c - columns["a"][-1] < 0.8 * seen < near.steady_state_hi_c - columns["a"][-1]
+    monkeypatch.setattr(measured, "RULES", replace(measured.RULES, farthest=0.8))
+    far = tf.identify(columns)[0]
+    assert (far.steady_state_lo_c, far.steady_state_hi_c, far.t95_hi_min) == (near.steady_state_lo_c, None, None)
+    assert far.status == "not_determined"

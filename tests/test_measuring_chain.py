@@ -72,6 +72,9 @@ def test_a_probe_that_comes_off_is_told_and_its_readings_from_there_on_are_left_
     [note] = [n for n in found.notes if n.channel == "T2"]
     assert note.text.startswith("it falls 14 K in 5 min at 19")
     assert "did the probe come off?" in note.text
+    later = {n: np.append(v[:30], v + 30.0 if n == "time_min" else v) for n, v in fallen.items()}
+    [note] = [n for n in observe(tf.read(later), 30.0).notes if n.channel == "T2"]
+    assert note.text.startswith("it falls 14 K in 5 min at 22")  # on the clock of the run
     used = found.seen.used[1]
     assert used[TIME < 198.0].all()
     assert not used[TIME >= 200.0].any()

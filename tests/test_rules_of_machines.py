@@ -125,7 +125,7 @@ def test_events_at_other_times_in_each_run_are_none_of_the_machines_course():
             id="load_step", choice=None, effect=SimpleNamespace(event="event", active=lambda _: [SimpleNamespace(name="event")])
         )
         return SimpleNamespace(
-            model=SimpleNamespace(parts=[part]), values={Key(0, "event"): np.array([minutes])}, run=SimpleNamespace(begin_min=10.0)
+            model=SimpleNamespace(parts=[part]), values={Key(0, "event"): np.array([minutes])}, run=SimpleNamespace(start_min=10.0)
         )
 
     assert together._at_other_times([at(100.0), at(104.0)]) == {}

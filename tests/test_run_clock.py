@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from thermofast.discovery.remains import _stretch
+from thermofast.discovery.observe import observe
 from thermofast.discovery.stretches import steps_near
+from thermofast.discovery.wording import _worst
+from thermofast.models.search.discover import discover
 
 STEP, IDLE = 150.0, 60.0
 
@@ -54,13 +56,15 @@ def test_unknown_heat_and_pictures_are_on_the_clock_of_the_run(run):
     assert (panel.time[0], panel.time[-1], panel.until) == (IDLE, 299.0, 120.0)
 
 
-def test_words_about_logged_steps_and_what_remains_are_on_it(run):
-    from thermofast.discovery.observe import observe
-    from thermofast.models.joint import fit_model
-
+def test_words_about_logged_steps_are_on_it(run):
     seen = observe(replace(run, inputs={"fan": np.where(run.time_s < 60.0 * STEP, 1.0, 0.0)}), IDLE).seen
-    assert (seen.begin_min, seen.time[0], seen.clock[0]) == (IDLE, 0.0, IDLE)
+    assert (seen.start_min, seen.time[0], seen.clock[0]) == (IDLE, 0.0, IDLE)
     assert steps_near(seen, STEP) == [f"fan steps from 1 to 0 at {STEP:g} min"]
-    fit = fit_model(seen)
-    first = float(_stretch(fit).split()[3]) if _stretch(fit) else IDLE
-    assert first >= IDLE
+
+
+def test_where_a_base_model_fails_most_and_readings_without_noise_are_on_it(run):
+    seen = observe(run, IDLE).seen
+    begin, end, _ = _worst(discover(seen, []), seen)
+    assert IDLE <= begin < STEP < end <= 299.0
+    clean = tf.compare(machine(load=False), start=IDLE, denoise=True).denoised[0]
+    assert (clean.time[0], clean.time[-1]) == (IDLE, 299.0)

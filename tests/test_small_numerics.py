@@ -13,7 +13,6 @@ from scipy.special import logsumexp
 from thermofast.discovery.colour import spectral_line
 from thermofast.discovery.remains import _stretch
 from thermofast.estimation.measured import _without_endless
-from thermofast.estimation.sensor import Sensors
 from thermofast.models import variance_inflation
 from thermofast.models.arrow import arrow_inverse, arrow_step, assemble, covariance_root, finite_slopes
 from thermofast.models.coordinates import Prior
@@ -548,18 +547,10 @@ def test_a_limit_many_times_farther_than_all_that_was_read_is_no_number():
     time = np.arange(0.0, 60.0)
     went = np.array([1.0, 1.0, -1.0])
     reading = 20.0 + went[:, None] * time / 59.0
-    law = SimpleNamespace(
-        state=reading[:, -1:],
-        initial=reading[:, 0],
-        noise=np.full(3, 0.01),
-        time=59.0,
-        weights=np.ones((3, 60)),
-        resolution=np.zeros(3),
-    )
-    sensors = Sensors(np.arange(3), time, reading, np.zeros(3), ((),) * 3)
+    law = SimpleNamespace(state=reading[:, -1:], initial=reading[:, 0], noise=np.full(3, 0.01))
     steady = np.array([[15.0, 25.0, 70.0], [30.0, 80.0, 90.0], [-40.0, 15.0, 18.0]])
     t95 = np.tile([50.0, 100.0, 500.0], (3, 1))
-    _without_endless(steady, t95, law, sensors)
+    _without_endless(steady, t95, law, np.ones(3))
     nan = math.nan
     assert steady == pytest.approx(np.array([[15.0, 25.0, 70.0], [30.0, nan, nan], [nan, 15.0, 18.0]]), nan_ok=True)
     assert t95 == pytest.approx(np.array([[50.0, 100.0, 500.0], [nan, nan, nan], [50.0, 100.0, nan]]), nan_ok=True)

@@ -19,9 +19,17 @@ from scipy.linalg import expm
 
 import thermofast as tf
 from thermofast.models.standards import temperature_at_switch_off
+from thermofast.records import IdentifyRecord
 
 #: Steps of the simulation [min], and the length of a run.
 STEP, LONG = 0.25, 360.0
+
+
+def holds(row: IdentifyRecord, limit: float, settled: float) -> tuple[bool, bool]:
+    """Whether a row's intervals hold the true limit [degC] and the true time of 95 % [min]; an open side holds all."""
+    sides = row.steady_state_lo_c, row.steady_state_hi_c, row.t95_lo_min, row.t95_hi_min
+    low, high, soon, late = (v if v is not None else side for v, side in zip(sides, (-np.inf, np.inf) * 2, strict=True))
+    return low <= limit <= high, soon <= settled <= late
 
 
 @dataclass(frozen=True)
@@ -45,12 +53,22 @@ class Chain:
         heat = rng.uniform(8.0, 22.0) * loss.sum() / share.sum()
         return cls(rng.uniform(8.0, 40.0, n), rng.uniform(3.0, 15.0, n - 1), loss, share, heat, rng.uniform(0.02, 0.05, n))
 
+    @property
+    def matrix(self) -> np.ndarray:
+        """How temperatures above the room change by them (n, n) [1/min]."""
+        links = np.diag(self.link, 1) + np.diag(self.link, -1)
+        return (links - np.diag(links.sum(axis=1) + self.loss)) * 0.06 / self.capacity[:, None]
+
+    @property
+    def rises(self) -> np.ndarray:
+        """How far above the room the heat brings each (n,) [K]."""
+        return np.linalg.solve(-self.matrix, self.share * self.heat * 0.06 / self.capacity)
+
     def run(self, rng: np.random.Generator, load: Callable[[float], float], minutes: float) -> tuple[np.ndarray, ...]:
         """(times (T,) [min], temperatures (n, T), the room (T,)), begun as warm as the room, under loads of the heat."""
         n, wander, flutter = len(self.loss), rng.uniform(0.05, 0.3), rng.uniform(0.005, 0.01)
         loss = self.loss * np.exp(0.01 * rng.standard_normal())
-        matrix = np.diag(self.link, 1) + np.diag(self.link, -1)
-        matrix = (matrix - np.diag(matrix.sum(axis=1) + loss)) * 0.06 / self.capacity[:, None]
+        matrix = replace(self, loss=loss).matrix
         step = expm(matrix * STEP)
         held = np.linalg.solve(matrix, step - np.eye(n)) * 0.06 / self.capacity  # of powers [W] that stay over a step
         time = np.arange(0.0, minutes + STEP / 2, STEP)

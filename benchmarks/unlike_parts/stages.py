@@ -17,54 +17,51 @@ from scipy.linalg import expm
 
 import thermofast as tf
 
-from .chains import Chain
+from .chains import Chain, holds
 
 ROOM, STEP, READ, LAST = 21.0, 0.5, (20, 40, 60, 90, 150, 240), 4000.0
 SPEEDS = (1000.0, 1500.0, 2000.0, 3000.0, 4000.0, 5000.0, 6000.0, 8000.0)
 LEAST_RISE, OFF = 2.0, 1.0
 
 
-def machine(seed: int, read: float) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-    """(columns of the record, limits (n,) [degC], true times of 95 % (n,) [min])."""
+def machine(seed: int) -> tuple[dict[str, np.ndarray], float, np.ndarray, np.ndarray]:
+    """(columns of the record, when the last step came [min], limits (n,) [degC], true times of 95 % (n,) [min])."""
     rng = np.random.default_rng([seed, 5])
     chain = Chain.drawn(rng)
     chain = replace(chain, capacity=0.5 * chain.capacity)
-    matrix = np.diag(chain.link, 1) + np.diag(chain.link, -1)
-    matrix = (matrix - np.diag(matrix.sum(axis=1) + chain.loss)) * 0.06 / chain.capacity[:, None]
     speeds = np.sort(rng.choice(SPEEDS, rng.integers(2, 4), replace=False))
     if rng.uniform() < 0.2:
         rng.shuffle(speeds)
     lasts = np.append(rng.uniform(15.0, 70.0, len(speeds) - 1), LAST)
-    heats = (speeds / SPEEDS[-1]) ** rng.uniform(1.0, 1.8)
-    limits = heats[:, None] * np.linalg.solve(-matrix, chain.share * chain.heat * 0.06 / chain.capacity)
-    step, rows, speed = expm(matrix * STEP), [np.zeros(len(chain.loss))], []
+    limits = ((speeds / SPEEDS[-1]) ** rng.uniform(1.0, 1.8))[:, None] * chain.rises
+    step, rows, speed = expm(chain.matrix * STEP), [np.zeros(len(chain.loss))], []
     for limit, last, one in zip(limits, lasts, speeds, strict=True):
         for _ in range(round(last / STEP)):
             rows.append(limit + step @ (rows[-1] - limit))
             speed.append(one)
     body = np.array(rows[:-1]).T
-    time = STEP * np.arange(body.shape[1])
-    done = body / limits[-1][:, None] >= 0.95
-    seen = time <= lasts[:-1].sum() + read
+    time, done, changed = STEP * np.arange(body.shape[1]), body / limits[-1][:, None] >= 0.95, float(lasts[:-1].sum())
+    seen = time <= changed + READ[-1]
     reading = ROOM + np.round(body[:, seen] + chain.noise[:, None] * rng.standard_normal((len(body), int(seen.sum()))), 2)
     columns = {f"T{i} [degC]": row for i, row in enumerate(reading)}
-    return {"time_min": time[seen], "speed (rpm)": np.array(speed)[seen], **columns}, ROOM + limits[-1], time[done.argmax(axis=1)]
+    columns = {"time_min": time[seen], "speed (rpm)": np.array(speed)[seen], **columns}
+    return columns, changed, ROOM + limits[-1], time[done.argmax(axis=1)]
 
 
 def rows_of(seed: int) -> list[tuple[int, bool, bool, bool, bool, bool]]:
     """Of each sensor and time read: that time; whether its row is `ok`, holds the limit, the time; says too soon, begins off."""
     found = []
+    record, changed, limits, settled = machine(seed)
     for read in READ:
-        columns, limits, settled = machine(seed, read)
+        columns = {name: column[record["time_min"] <= changed + read] for name, column in record.items()}
+        end = columns["time_min"][-1]
         for row, limit, when in zip(tf.identify(columns, drive="speed (rpm)", jobs=1), limits, settled, strict=True):
-            reading, end = columns[row.channel], columns["time_min"][-1]
+            reading = columns[row.channel]
             if limit - ROOM < LEAST_RISE or reading[-1] > limit:
                 continue
-            sides = row.steady_state_lo_c, row.steady_state_hi_c, row.t95_lo_min, row.t95_hi_min
-            low, high, soon, late = (v if v is not None else side for v, side in zip(sides, (-np.inf, np.inf) * 2, strict=True))
-            said = row.t95_min is not None and row.t95_min < end - STEP and when > end
+            soon = row.t95_min is not None and row.t95_min < end - STEP and when > end
             off = row.initial_c is not None and abs(row.initial_c - reading[0]) > OFF
-            found.append((read, row.status == "ok", low <= limit <= high, soon <= when <= late, said, off))
+            found.append((read, row.status == "ok", *holds(row, limit, when), soon, off))
     return found
 
 

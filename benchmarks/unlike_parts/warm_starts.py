@@ -17,7 +17,7 @@ from scipy.linalg import expm
 
 import thermofast as tf
 
-from .chains import Chain
+from .chains import Chain, holds
 
 ROOM, READ, LAST = 21.0, (30, 40, 60, 90, 150, 240), 4000.0
 #: A part went back where its record falls by so much [K] below where it begins, and its limit lies above that.
@@ -28,9 +28,7 @@ def machine(seed: int, cold: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(readings (n, T) [degC] every minute, limits (n,) [degC], true times of 95 % (n,) [min])."""
     rng = np.random.default_rng([seed, 4])
     chain = Chain.drawn(rng)
-    matrix = np.diag(chain.link, 1) + np.diag(chain.link, -1)
-    matrix = (matrix - np.diag(matrix.sum(axis=1) + chain.loss)) * 0.06 / chain.capacity[:, None]
-    limit = np.linalg.solve(-matrix, chain.share * chain.heat * 0.06 / chain.capacity)
+    matrix, limit = chain.matrix, chain.rises
     warmed, left = rng.uniform(60.0, 360.0), rng.uniform(15.0, 120.0)
     begun = np.zeros(len(limit)) if cold else expm(matrix * left) @ (limit - expm(matrix * warmed) @ limit)
     time, step = np.arange(0.0, LAST + 1.0), expm(matrix)
@@ -52,10 +50,8 @@ def rows(cold: bool, seed: int) -> list[tuple[int, bool, bool, bool, bool]]:
         some = minutes <= read
         told = tf.identify({"time_min": minutes[some], **{f"T{i} [degC]": row[some] for i, row in enumerate(reading)}}, jobs=1)
         for row, line, true, when in zip(told.records, reading, limit, settled, strict=True):
-            sides = row.steady_state_lo_c, row.steady_state_hi_c, row.t95_lo_min, row.t95_hi_min
-            low, high, soon, late = (v if v is not None else side for v, side in zip(sides, (-np.inf, np.inf) * 2, strict=True))
             back = float(line[some].min()) < line[0] - BACK and true > line[0]
-            found.append((read, back, row.status == "ok", low <= true <= high, soon <= when <= late))
+            found.append((read, back, row.status == "ok", *holds(row, true, when)))
     return found
 
 

@@ -84,15 +84,15 @@ def discover(
     effects = [e for e in effects if e.choices(run)]
     singles: list[Candidate] = [c for c in spread(partial(try_add, base), effects) if c is not None]
     singles.sort(key=lambda c: -c.gain)
-    least = _Least(base, max(1, len(effects)), false_alarm)
-    good = [c for c in singles if least.passes(c)]
+    acceptance = _Acceptance(base, max(1, len(effects)), false_alarm)
+    good = [c for c in singles if acceptance.accepts(c)]
     above, sets = least_p(floor) < RULES.pattern, most > 1 and known is None
     pairs: list[Candidate] = []
     if sets and (above or good):
         # A single that is well down at the noise leaves room for little more.
         sound = [c for c in good if least_p(c.floor) > RULES.sound]
         pairs = tried_pairs(base, singles, effects, sound, spread)
-    named, also = _sure(least, good + [c for c in pairs if least.passes(c)], singles, pairs)
+    named, also = _sure(acceptance, good + [c for c in pairs if acceptance.accepts(c)], singles, pairs)
     if named is None and above and sets:
         named, rivals = _several(base, pairs, effects, false_alarm, spread)
         if named is not None and _roundabout(base, named, singles):
@@ -101,13 +101,13 @@ def discover(
     first = foreseen(base, singles, false_alarm) if above and known is None else None
     if first is not None and (named is None or first.named.effect.id not in named.ids):
         return _in_stages([base], [[c] for c in singles], effects, false_alarm, spread, first)[0]
-    p = min((least.over_all(c) for c in singles), default=1.0)
+    p = min((acceptance.chance_over_all(c) for c in singles), default=1.0)
     nothing = Discovery(base, floor, tuple(singles), None, (), p, np.full(run.sensors, np.nan), None, "none")
     if named is None and not above:
         return nothing
     if named is None:
         found = _in_stages([base], [[c] for c in singles], effects, false_alarm, spread)[0]
-        found = _of_two(found, pairs, least.number, false_alarm) or found
+        found = _of_two(found, pairs, acceptance.number, false_alarm) or found
         if found.named is not None:
             around = _around(base, found.named, pairs)
             return replace(found, around=beside_shared(around.fit)) if around is not None else found
@@ -120,41 +120,41 @@ def discover(
     if np.nansum(ahead**2 * base.readings) > np.nansum(ahead_base**2 * base.readings):
         why = "none" if not above else "the error on readings left out does not fall"
         return replace(nothing, also=(named, *also), ahead_base=ahead_base, why=why)
-    return Discovery(base, floor, tuple(singles), named, tuple(also), least.over_all(named), ahead_base, ahead, "")
+    return Discovery(base, floor, tuple(singles), named, tuple(also), acceptance.chance_over_all(named), ahead_base, ahead, "")
 
 
 @dataclass(frozen=True)
-class _Least:
+class _Acceptance:
     """What a set of effects must at least show to be named, beside a base model, of `number` effects that are looked at."""
 
     base: Fit
     number: int
     false_alarm: float
 
-    def over_all(self, candidate: Candidate) -> float:
+    def chance_over_all(self, candidate: Candidate) -> float:
         """The chance of a set over all sets of that size: of a pair, the best of all pairs, each half must beat it."""
         size = len(candidate.ids) - len(self.base.model.parts)
         return min(1.0, candidate.p * math.comb(self.number + size - 1, size))
 
-    def passes(self, candidate: Candidate) -> bool:
+    def accepts(self, candidate: Candidate) -> bool:
         """Whether a set explains all there is, is determined and can really be."""
         # Two effects can imitate more than one can: their residuals must look more like noise.
         alone = len(candidate.ids) == 1 + len(self.base.model.parts)
         clean = candidate.at_floor if alone else least_p(candidate.floor) >= RULES.pair_pattern
-        return self.over_all(candidate) < self.false_alarm and clean and candidate.identifiable.ok and candidate.fit.physical
+        return self.chance_over_all(candidate) < self.false_alarm and clean and candidate.identifiable.ok and candidate.fit.physical
 
 
 def _sure(
-    least: _Least, finalists: list[Candidate], singles: list[Candidate], pairs: list[Candidate]
+    acceptance: _Acceptance, finalists: list[Candidate], singles: list[Candidate], pairs: list[Candidate]
 ) -> tuple[Candidate | None, list[Candidate]]:
     """The one of the finalists that can be named, None where there is none or others do as well; and the others."""
-    base = least.base
+    base = acceptance.base
     named, also = _choose(base, finalists)
     if named is None:
         return None, also
     if (
         _arbitrary(base, named, pairs)
-        or not beats_disturbance(base, named, least.false_alarm, least.number)
+        or not beats_disturbance(base, named, acceptance.false_alarm, acceptance.number)
         or _roundabout(base, named, singles)
     ):
         return None, [named, *also]

@@ -29,7 +29,7 @@ KINDS: dict[str, type[Record]] = {
     "diagnose": DiagnoseRecord,
 }
 #: What is asked of all sensors of a run together, where they are worked on each by itself otherwise.
-TOGETHER = {"identify": ("criterion", "joint", "model", "drive", "auto"), "sweep": ("model", "drive")}
+OF_WHOLE_RUNS = {"identify": ("criterion", "joint", "model", "drive", "auto"), "sweep": ("model", "drive")}
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Analysis:
         """One of sensors each by itself, ``identify`` or ``sweep``, but for what is `asked` of all of a run together."""
         from ..estimation.imperfect import GROUP
 
-        whole = any(asked.get(name) for name in TOGETHER[command])
+        whole = any(asked.get(name) for name in OF_WHOLE_RUNS[command])
         name = JOINT_FIT if whole and command == "sweep" else filter_name
         return cls(command, KINDS[command], call, 0 if whole else GROUP, {"filter": name}, settings or {}, from_rise)
 

@@ -14,7 +14,7 @@ from ..reading_options import Options, options_from
 from ..results import Result
 from ..workers.cluster import crew_of, kernels
 from ..workers.flow import Crew
-from .blocks import KINDS, TOGETHER, Analysis, Reading
+from .blocks import KINDS, OF_WHOLE_RUNS, Analysis, Reading
 from .parts import Manifest, opened
 from .settings import defaults_of, settings_of
 from .sources import sources_of
@@ -95,7 +95,7 @@ def archive(
     work(NOTHING)  # wrong options are told before any file is read
     settings = settings_of(options | reading | {"start": start}, defaults_of(getattr(api, command)))
     analysis = Analysis(command, KINDS[command], partial(_called, work), settings=settings)
-    if command in TOGETHER:
+    if command in OF_WHOLE_RUNS:
         from_start = from_rise(model_of(options.get("model")), options.get("drive"))
         analysis = Analysis.of_sensors(command, analysis.call, options.get("filter", "afukf"), options, settings, from_start)
     named = [str(s) for s in ([sources] if isinstance(sources, str | Path) else sources)]

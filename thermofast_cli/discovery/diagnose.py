@@ -26,6 +26,7 @@ from .loop import (
     LoopTask,
     Ready,
     ahead_errors,
+    as_told,
     check_inputs,
     failure_records,
     ids_of,
@@ -281,8 +282,9 @@ def event_of(fit: Fit, sensor: int) -> float | None:
         name = part.effect.event
         if name and (k, name) in fit.values and part.concerns(fit.run.sensors)[sensor]:
             value = fit.values[Key(k, name)]
-            times.append(float(value[sensor]) if part.effect.parameter(name).each == "sensor" else float(value))
-    return fit.run.begin_min + min(times) if times else None
+            at = float(value[sensor]) if part.effect.parameter(name).each == "sensor" else float(value)
+            times.append(as_told(fit, k, name, at))
+    return min(times, default=None)
 
 
 def ranked(candidate: Candidate, found: Discovery) -> dict[str, Any]:

@@ -217,6 +217,11 @@ def in_order(records: list[Any], run: Run) -> list[Any]:
     return sorted(records, key=lambda r: place.get(r.channel, len(place)))
 
 
+def as_told(fit: Fit, part: int, name: str, value: float) -> float:
+    """A parameter's value as it is told: the moment of an event on the clock of the run."""
+    return value + (fit.run.start_min if name == fit.model.parts[part].effect.event else 0.0)
+
+
 def parameters_of(
     fit: Fit, sensor: int | None = None, wider: float = 1.0, beside: Mapping[Key, Any] | None = None
 ) -> dict[str, dict[str, Any]]:
@@ -243,7 +248,7 @@ def parameters_of(
         if c.parameter.log:
             error *= value
         known = bool(np.isfinite(error) and error < 1e6 * max(abs(value), 1e-9))
-        value += fit.run.begin_min if c.parameter.name == part.effect.event else 0.0
+        value = as_told(fit, c.part, c.parameter.name, value)
         name = f"{part.id}.{c.parameter.name}"
         found[name] = {
             "value": float(f"{value:.6g}"),

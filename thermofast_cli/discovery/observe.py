@@ -109,7 +109,7 @@ def observe(run: Run, start_min: float = 0.0, drive: str | None = None, until_mi
         notes.append(Note(None, note))
     warm = _warm(run, inputs)
     heats, cools = _sides(run, [n for n in inputs if n not in warm])
-    seen = replace(seen, temperatures=warm, heats=heats, cools=cools, begin_min=start_min)
+    seen = replace(seen, temperatures=warm, heats=heats, cools=cools, start_min=start_min)
     notes += _without_rise(seen)
     unsaid = "has no unit and counts as no temperature: --units"
     notes += [Note(None, f"{n} {unsaid} {n}=C if it is one") for n in _unsaid(run, inputs, warm)]
@@ -132,7 +132,7 @@ def _one_of(window: int, weights: list[Array]) -> str:
 
 
 def _without_fallen(
-    time: Array, channels: list[str], rows: list[Array], weights: list[Array], run: Run, keep: NDArray[np.bool_], begin_min: float
+    time: Array, channels: list[str], rows: list[Array], weights: list[Array], run: Run, keep: NDArray[np.bool_], start_min: float
 ) -> list[Note]:
     """What to say of probes that came off; their weights, changed in place, are none from there on."""
     used = np.array(weights) > 0.0
@@ -143,7 +143,7 @@ def _without_fallen(
         if any(_jumps_within(time, column[keep], begins - fell.minutes, ends) for column in run.inputs.values()):
             continue  # what was switched at that time may have cooled it
         weights[i][time >= begins] = 0.0
-        how = f"it falls {rounded(fell.fall)} K in {rounded(fell.minutes)} min at {begin_min + begins:.4g} min"
+        how = f"it falls {rounded(fell.fall)} K in {rounded(fell.minutes)} min at {start_min + begins:.4g} min"
         text = (
             f"{how}, and stays at {fell.level:.4g} degC, where it began, while the other sensors go on: did the probe come off? "
             "Readings from there on are left out"

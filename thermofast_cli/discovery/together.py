@@ -27,7 +27,7 @@ from ..plugins.effects import chosen_effects, load_effect
 from ..records import ImproveRecord, finite
 from .diagnose import search_run, search_together
 from .improve import Improved, or_else, status_of
-from .loop import LoopTask, ahead_errors, check_inputs, ids_of, parameters_of, pooled
+from .loop import LoopTask, ahead_errors, as_told, check_inputs, ids_of, parameters_of, pooled
 from .several import OneOf, common_runs, ready_runs
 from .wording import rivals
 
@@ -330,10 +330,8 @@ def _at_other_times(fits: Sequence[Fit]) -> dict[int, str]:
         if part.effect.event in {p.name for p in part.effect.active(part.choice)}:
             times = [float(np.median(fit.values[Key(k, part.effect.event)])) for fit in fits]
             if max(times) - min(times) > SAME_TIME * float(np.mean(times)):
-                first, last = (
-                    rounded(end(t + fit.run.begin_min for t, fit in zip(times, fits, strict=True))) for end in (min, max)
-                )
-                found[k] = f"{part.id} (at {first} to {last} min)"
+                told = [as_told(fit, k, part.effect.event, t) for t, fit in zip(times, fits, strict=True)]
+                found[k] = f"{part.id} (at {rounded(min(told))} to {rounded(max(told))} min)"
     return found
 
 

@@ -19,7 +19,7 @@ from thermofast.models.uncertainty.disturbed import disturbed_deviations
 
 from ..errors import rounded
 from ..machine.rise import free_runs
-from .loop import pooled, unseen_delay
+from .loop import as_told, pooled, unseen_delay
 from .remains import cycle_of, remaining_words, shares
 from .several import TWO_MACHINES
 from .stretches import steps_near
@@ -267,24 +267,23 @@ def _described(fit: Fit, k: int, seen: Observations, times: float = 1.0, around:
 def _numbers(fit: Fit, k: int, who: NDArray[np.bool_], times: float, around: Fit | None) -> list[str]:
     """The values of part k's parameters in words with their 95 % half-widths, where who (S,) have it."""
     numbers, beside = [], disturbed_deviations(fit, around)
-    effect = fit.model.parts[k].effect
-    for name in effect.parameters:
+    for name in fit.model.parts[k].effect.parameters:
         key = Key(k, name.name)
         if key not in fit.values or name.periodic:
             continue
         value, error = fit.values[key], np.hypot(times * fit.deviations[key], beside[key])
-        value = value + (fit.run.begin_min if name.name == effect.event else 0.0)
         unit = "" if name.unit == "1" else f" {name.unit}"
         if name.each == "sensor":
             mine = np.flatnonzero(who & fit.model.active[:, fit.model.column(key)])
             if len(mine) > 1:
-                numbers.append(f"{name.name} {rounded(value[mine].min())} to {rounded(value[mine].max())}{unit} by sensor")
+                ends = (rounded(as_told(fit, k, name.name, end)) for end in (value[mine].min(), value[mine].max()))
+                numbers.append(f"{name.name} {' to '.join(ends)}{unit} by sensor")
             if len(mine) != 1:
                 continue
             i = int(mine[0])
             value, error = float(value[i]), float(error[i])
         error = 1.96 * math.hypot(float(error) * (abs(float(value)) if name.log else 1.0), unseen_delay(fit, k, name.name))
-        numbers.append(f"{name.name} {_rounded(float(value), float(error))}{unit}")
+        numbers.append(f"{name.name} {_rounded(as_told(fit, k, name.name, float(value)), float(error))}{unit}")
     return numbers
 
 
@@ -355,7 +354,7 @@ def _when(begins: tuple[float, float, float] | None, seen: Observations, nearest
             # What follows a logged column has no event of its own.
             when = candidate.fit.values.get(Key(k, part.effect.event or ""))
             if when is not None and part.effect.scope == "run":
-                return f"changed at about {seen.begin_min + float(when):.3g} min"
+                return f"changed at about {seen.start_min + float(when):.3g} min"
     return f"changed at {begins[0]:.4g} min"
 
 

@@ -273,8 +273,10 @@ def in_room(
 
 def begun_as_read(law: "Estimates", sensors: Sensors, other_rise: NDArray[np.bool_]) -> "Estimates":
     """Estimates where sensors with another rise than the law's (S,) begin at their first reading, which the law passes by."""
+    if not other_rise.any():
+        return law
     first = np.where(outlying(law, sensors)[:, 0], np.median(sensors.reading[:, :3], axis=1), sensors.reading[:, 0])
-    return replace(law, initial=np.where(other_rise, first, law.initial)) if other_rise.any() else law
+    return replace(law, initial=np.where(other_rise, first, law.initial))
 
 
 def with_claims(
@@ -301,9 +303,10 @@ def with_claims(
     )
     t95[open_, 2] = np.nan
     t95[back] = np.nan
-    _to_the_beginning(steady, law, sensors)
+    most = went(law, sensors)
+    _to_the_beginning(steady, law, most)
     steady[steady[:, 0] < ABSOLUTE_ZERO_C, 0] = np.nan  # as far as nobody can go is no bound
-    _without_endless(steady, t95, law, sensors)
+    _without_endless(steady, t95, law, most)
     return replace(
         law,
         steady_state=steady[:, 1],
@@ -316,9 +319,11 @@ def with_claims(
     )
 
 
-def _without_endless(steady: Array, t95: Array, law: "Estimates", sensors: Sensors) -> None:
-    """Opens limits (S, 3) many times farther off than all that was read, and their times (S, 3): a number would be a promise."""
-    seen = np.maximum(went(law, sensors), law.noise)[:, None]
+def _without_endless(steady: Array, t95: Array, law: "Estimates", most: Array) -> None:
+    """Opens limits (S, 3) many times farther off than all that was read, most (S,) [K], and their times (S, 3): a number would be a
+    promise.
+    """
+    seen = np.maximum(most, law.noise)[:, None]
     with np.errstate(invalid="ignore"):
         far = np.abs(steady - law.state[:, :1]) > RULES.farthest * seen
     steady[far] = np.nan
@@ -343,12 +348,13 @@ def came_loose(time: Array, reading: Array, resolution: Array, changed_min: floa
     return said
 
 
-def _to_the_beginning(steady: Array, law: "Estimates", sensors: Sensors) -> None:
+def _to_the_beginning(steady: Array, law: "Estimates", most: Array) -> None:
     """Opens intervals (S, 3) that end just short of where a sensor began, to which it is on its way back: the heat may be off.
 
+    most (S,) [K]: how far it :func:`went`.
     Bodies that are warmed by others fall more slowly than their own rate says, as if some heat were left.
     """
-    began, now, near = law.initial, law.state[:, 0], RULES.back * went(law, sensors)
+    began, now, near = law.initial, law.state[:, 0], RULES.back * most
     for side, sign in ((0, 1.0), (2, -1.0)):
         short = sign * (steady[:, side] - began)
         falls = (sign * (now - steady[:, 1]) > 0.0) & (sign * (steady[:, 1] - began) > 0.0)

@@ -45,21 +45,21 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
         return Layout(labels, told, None)
     if set(resolved(options, table.names, table.names).channels) & set(table.names):
         return None  # columns by themselves
-    looks = _Looks.of(table, time)
-    if not looks.repeated:
-        return _of_one_sensor(table, time, looks.cells)
-    if not looks.values:
+    columns = _LongColumns.of(table, time)
+    if not columns.repeated:
+        return _of_one_sensor(table, time, columns.cells)
+    if not columns.values:
         return None
     if not table.header:
-        if looks.texts:
-            raise _ask(table, looks.texts, looks.values)
+        if columns.texts:
+            raise _ask(table, columns.texts, columns.values)
         return None
-    value = looks.reading()
+    value = columns.reading()
     if value is None:
-        if looks.named and looks.interleaved(tuple(n for n in looks.named if n not in looks.numbers)):
-            raise _ask(table, looks.named, looks.values)
+        if columns.named and columns.interleaved(tuple(n for n in columns.named if n not in columns.numbers)):
+            raise _ask(table, columns.named, columns.values)
         return None
-    sensor = looks.sensor(value)
+    sensor = columns.sensor(value)
     if not sensor:
         return None
     naming = f"{' and '.join(map(repr, sensor))} {'name' if len(sensor) > 1 else 'names'}"
@@ -68,7 +68,7 @@ def find_long(table: Table, time: Time, options: Options) -> Layout | None:
 
 
 @dataclass(frozen=True)
-class _Looks:
+class _LongColumns:
     """What the columns of a table look like to who asks whether it is long.
 
     cells: of each column that may name sensors; repeated: those whose cells stand there again and again, and of these named, by
@@ -85,7 +85,7 @@ class _Looks:
     values: list[str]
 
     @classmethod
-    def of(cls, table: Table, time: Time) -> "_Looks":
+    def of(cls, table: Table, time: Time) -> "_LongColumns":
         """Of a table whose time is known."""
         rest = [n for n in table.names if n not in time.used]
         cells = {n: _cells_of(table, n) for n in rest}

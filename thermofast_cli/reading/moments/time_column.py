@@ -53,18 +53,18 @@ def is_time_name(name: str) -> bool:
 
 def time_column(table: Table) -> Found | None:
     """The column that is time, and that of the clock where the date stands in one of its own; the first rule that finds one."""
-    looks = _Looks(table)
+    columns = _TimeColumns(table)
     return (
-        looks.archived()
-        or looks.date_and_clock()
-        or looks.stamped_each_row()
-        or looks.by_name()
-        or looks.first_of_no_name()
-        or looks.by_unit()
+        columns.archived()
+        or columns.date_and_clock()
+        or columns.stamped_each_row()
+        or columns.by_name()
+        or columns.first_of_no_name()
+        or columns.by_unit()
     )
 
 
-class _Looks:
+class _TimeColumns:
     """What the columns of a table look like to who looks for its time, and the rules by which it is found."""
 
     def __init__(self, table: Table) -> None:
