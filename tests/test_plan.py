@@ -221,8 +221,8 @@ def test_each_sensor_of_a_model_keeps_its_own_rise_and_time_constant_in_a_plan()
 
 def test_a_plan_names_the_sensor_that_is_last():
     names = ("bed", "front", "rear")
-    assert planning._last(names, np.array([1.0, 0.9, 0.8])) == "'bed'"
+    assert planning._last(names, np.array([1.0, 0.9, 0.8])) == "'bed' last"
     told = planning._last(names, np.array([0.2, 0.3, 1.0]))
-    assert told.startswith("'rear' alone")
+    assert told.startswith("'rear' last and by far")
     assert "--exclude it" in told
-    assert planning._last(("bed", "bed"), np.array([5.0, 1.0])) == "'bed'"
+    assert planning._last(("bed", "bed"), np.array([5.0, 1.0])) == "'bed' last"

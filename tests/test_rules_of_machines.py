@@ -241,3 +241,20 @@ def test_no_noise_lasts_a_tenth_of_what_was_seen():
 def test_of_a_swing_two_periods_must_be_seen():
     assert "a misfit, not noise" in colour_at(0.0, 0.05, 100, period=60.0, seed=5).words
     assert "swings with a period" in colour_at(0.0, 0.05, 240, period=40.0).words
+
+
+def test_nobody_is_told_when_a_limit_shows_that_is_no_number():
+    from thermofast.estimation.verdicts import _of_the_heat
+
+    claimed = SimpleNamespace(
+        other_rise=np.array([True, True]), held=np.array([True, True]), rate=np.full((2, 3), 1e-4), behind=np.full(2, np.nan)
+    )
+    case = SimpleNamespace(
+        claimed=claimed,
+        past=SimpleNamespace(stayed_min=55.0, changed_min=90.0),
+        slow=np.full(2, 1e-4),
+        found=SimpleNamespace(time=145.0, steady_state=np.array([30.0, np.nan])),
+    )
+    stayed, changed_, _ = _of_the_heat(case, None)
+    assert stayed.where.tolist() == changed_.where.tolist() == [True, False]
+    assert stayed.doubts.tolist() == changed_.doubts.tolist() == [True, True]

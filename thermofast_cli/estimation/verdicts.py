@@ -219,6 +219,7 @@ def _of_the_heat(case: _Case, changed_min: float | None) -> list[Reason]:
     with np.errstate(invalid="ignore"):
         fresh = since * np.minimum(claimed.rate[:, 1], _median(claimed.rate[claimed.held, 1])) < RULES.fresh
     behind = np.isfinite(claimed.behind)
+    told = np.isfinite(case.found.steady_state)  # of a limit that is no number nobody is told when it shows
 
     def moved_on(i: int) -> str:
         return (
@@ -239,7 +240,7 @@ def _of_the_heat(case: _Case, changed_min: float | None) -> list[Reason]:
             return f"{went}: their heat may still be on its way to it; measure on"
         return f"it has moved by {share} % of what others have: heat may still be on its way to it; measure on"
 
-    return [Reason(restless, moved_on, restless), Reason(fresh, changed, fresh), Reason(behind, little, behind)]
+    return [Reason(restless & told, moved_on, restless), Reason(fresh & told, changed, fresh), Reason(behind, little, behind)]
 
 
 def _of_what_came_later(case: _Case) -> list[Reason]:

@@ -210,7 +210,9 @@ def _last(names: Sequence[str], widths: Array) -> str:
     name = names[int(np.argmax(widths))]
     others = widths[[other != name for other in names]]
     alone = len(others) > 0 and float(widths.max()) > ALONE * float(others.max())
-    return f"{name!r}" + (" alone (if it does not matter, --exclude it from what is learnt and from the test)" if alone else "")
+    return f"{name!r} last" + (
+        " and by far (--exclude it, in the runs learnt from and in the test, if it does not matter)" if alone else ""
+    )
 
 
 def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
@@ -218,7 +220,7 @@ def _why(curve: Curve, law: Curve, tolerance: float, best: float) -> str:
     if best < tolerance:
         return f"{within} it comes to +-{rounded(best)} K at best, but not on half of the machines drawn so that it stays so"
     reached = f"{within} it comes to +-{rounded(best)} K at best" if math.isfinite(best) else f"{within} no side is ever closed"
-    reached += f", {curve.widest} last" if curve.widest else ""
+    reached += f", {curve.widest}" if curve.widest else ""
     alone = needed(law.time, law.half_width, tolerance)
     if curve.name != law.name and alone is not None:
         return f"{reached}: the machine is the limit, not the readings, which alone would do after {alone:.3g} min"
