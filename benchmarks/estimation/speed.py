@@ -161,7 +161,7 @@ def timed(inner):
             spent[0] += time.perf_counter() - begun
     return call
 
-CORE = "decimal_steps law_patterns likelihoods pattern_sums profile_decay spike_weights start_decay"
+CORE = "decimal_steps law_patterns likelihoods may_exceed_difference_noise pattern_sums profile_decay spike_weights start_decay"
 for name in CORE.split():
     setattr(kernel, name, timed(getattr(kernel, name)))
 compiled = loop._compiled

@@ -1391,3 +1391,41 @@ def decimal_steps(const double[:, ::1] y, double[::1] out):
                         break
                     last = j
     free(seen)
+
+
+cdef bint may_exceed(const double* y, Py_ssize_t n, double size, double* scratch) noexcept nogil:
+    """Not where fewer than half of the differences lie within the size of any place that their median can have."""
+    cdef Py_ssize_t i, above = 0, below = 0, near = 0, few = 0
+    cdef double middle, reach, value, deviation = size * (sqrt(2.0) / 1.4826)
+    for i in range(0, n - 1, 4):
+        scratch[few] = y[i + 1] - y[i]
+        few += 1
+    middle = median_of(scratch, few)
+    for i in range(few):
+        scratch[i] = fabs(scratch[i] - middle)
+    # How far the median of all may be from that of a few, and still half of them lie beyond.
+    reach = max2(0.8 * median_of(scratch, few) - deviation, 0.0)
+    for i in range(n - 1):
+        value = y[i + 1] - y[i] - middle
+        above += value > reach
+        below += value < -reach
+        near += fabs(value) < reach + deviation
+    return 2 * above >= n - 1 or 2 * below >= n - 1 or 2 * near >= n - 1
+
+
+def may_exceed_difference_noise(const double[:, ::1] y, const double[::1] size, uint8_t[::1] out):
+    """Which sizes (S,) may be larger than the noise of readings (S, n), by counting differences, into out (S,).
+
+    See :func:`thermofast.models.noise.spikes.exceeds_difference_noise`.
+    """
+    cdef Py_ssize_t n = y.shape[1], i
+    cdef double* scratch
+    agree(y.shape[0], size.shape[0], "sizes")
+    agree(y.shape[0], out.shape[0], "answers")
+    scratch = <double*> malloc((n // 4 + 1) * sizeof(double))
+    if scratch == NULL:
+        raise MemoryError()
+    with nogil:
+        for i in range(y.shape[0]):
+            out[i] = size[i] > 0.0 and (n < 3 or may_exceed(&y[i, 0], n, size[i], scratch))
+    free(scratch)

@@ -1,6 +1,7 @@
 """The compiled core where it was built, its numpy twin otherwise. ``COMPILED`` tells which."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._lump_numpy import StartRule
 from .fit import FIT, Array, FitMoments, Fits, growth, growth_slope
@@ -18,6 +19,7 @@ try:
         fit_decay,
         law_patterns,
         likelihoods,
+        may_exceed_difference_noise,
         pattern_sums,
         profile_decay,
         spike_weights,
@@ -49,6 +51,10 @@ except ImportError:
         """None is looked at: :func:`thermofast.models.noise.spikes.logger_steps` finds the same by sorting."""
         out.fill(np.nan)
 
+    def may_exceed_difference_noise(y: Array, size: Array, out: NDArray[np.uint8]) -> None:
+        """All are asked: :func:`thermofast.models.noise.spikes.exceeds_difference_noise` compares with the noise itself."""
+        out.fill(1)
+
 
 __all__ = [
     "COMPILED",
@@ -71,6 +77,7 @@ __all__ = [
     "growth_slope",
     "law_patterns",
     "likelihoods",
+    "may_exceed_difference_noise",
     "pattern_sums",
     "profile_decay",
     "spike_weights",

@@ -19,23 +19,11 @@ def difference_noise(reading: Array) -> Any:
 
 
 def exceeds_difference_noise(reading: Array, size: Array) -> NDArray[np.bool_]:
-    """Whether sizes (S,) [K] are larger than :func:`difference_noise` of the readings (S, n).
-
-    Of most, counting says so: where fewer than half of the differences lie within the size of any place that their median can have.
-    """
-    if reading.shape[-1] < 3:
-        return np.asarray(size > 0.0)
-    step = reading[:, 1:] - reading[:, :-1]
-    half, deviation = 0.5 * step.shape[1], size * (math.sqrt(2.0) / 1.4826)
-    few = step[:, ::4]
-    step -= _median(few)[:, None]
-    # How far the median of all may be from that of a few, and still half of them lie beyond.
-    reach = np.maximum(0.8 * _median(np.abs(few)) - deviation, 0.0)[:, None]
-    above, below = np.count_nonzero(step > reach, axis=1), np.count_nonzero(step < -reach, axis=1)
-    near = np.count_nonzero(np.abs(step, out=step) < reach + deviation[:, None], axis=1)
-    larger: NDArray[np.bool_] = ~((above < half) & (below < half) & (near < half))
-    open_ = np.flatnonzero(larger)
-    larger[open_] = size[open_] > difference_noise(reading[open_])
+    """Whether sizes (S,) [K] are larger than :func:`difference_noise` of the readings (S, n); of most, counting differences says so."""
+    may = np.empty(len(reading), dtype=np.uint8)
+    kernel.may_exceed_difference_noise(np.ascontiguousarray(reading, dtype=float), np.ascontiguousarray(size, dtype=float), may)
+    larger, asked = np.zeros(len(reading), dtype=bool), np.flatnonzero(may)
+    larger[asked] = size[asked] > difference_noise(reading[asked])
     return larger
 
 
