@@ -5,15 +5,18 @@ import json
 import re
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import ROOT
 
 import thermofast as tf
-from thermofast.output.report.charts import charts_of, drawn_of, extremes
+from thermofast.output.report.charts import Series, charts_of, drawn_of, extremes
+from thermofast.output.report.figures import figures_of
 from thermofast.output.report.page import page_of
 from thermofast.output.report.verdicts import verdict_of
+from thermofast.output.report.words import run_names
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = (
@@ -50,6 +53,19 @@ addEventListener("load", () => {
   const at = (type, share) => svg.dispatchEvent(new PointerEvent(type, { clientX: box.left + share * box.width, clientY: box.top + 40, pointerType: "mouse" }));
   at("pointerdown", 0.3); at("pointermove", 0.5); at("pointerup", 0.5);
   seen.dragged = labels() !== whole;
+  // What is drawn is drawn anew while a button is down: a click must find the chart itself, or none comes.
+  svg.scrollIntoView();
+  const now = svg.getBoundingClientRect();
+  seen.under = document.elementFromPoint(now.left + 0.5 * now.width, now.top + 60) === svg;
+  svg.dispatchEvent(new MouseEvent("dblclick", { bubbles: true }));
+  seen.all = labels() === whole;
+  for (let k = 0; k < 40; k += 1) press("+");
+  seen.close = svg.querySelector("path.measured").getAttribute("d").split("z").length - 1;
+  press("0");
+  press("Home"); press("ArrowRight");
+  seen.told = document.querySelector("figure .readout").textContent;
+  seen.sorted = document.getElementById("said").textContent;
+  seen.letters = svg.getBoundingClientRect().width / svg.viewBox.baseVal.width * 11;
   seen.width = document.documentElement.scrollWidth - document.documentElement.clientWidth;
   const told = document.createElement("pre");
   told.id = "seen";
@@ -83,11 +99,19 @@ def test_the_page_is_alive_in_a_browser(tool, tmp_path, size):
     assert seen["down"] == seen["up"][::-1]
     assert seen["sort"] == "ascending"
     measured = tf.read(SPINDLE).channels["T1"][-1]
-    assert seen["readout"].startswith("400.0 min; 95 % band ")
+    assert seen["readout"].startswith("400 min; 95 % band ")
     assert f"measured {measured:.2f} °C" in seen["readout"]
     assert seen["zoomed"]
     assert seen["back"]
     assert seen["dragged"]
+    assert seen["under"]
+    assert seen["all"]
+    assert seen["close"] >= 2
+    # Measured, model and residual of one time: they add up.
+    reading, model, left = (float(v) for v in re.findall(r"(?:measured|model|residual) (-?[0-9.]+)", seen["told"]))
+    assert reading - model == pytest.approx(left, abs=0.011)
+    assert seen["sorted"] == "sorted by steady_state_c, greatest first"
+    assert seen["letters"] >= 9.0
     assert seen["width"] <= 0
 
 
@@ -225,9 +249,66 @@ def test_the_chart_shows_when_the_rule_holds_and_a_limit_that_is_near():
     run = tf.read(SPINDLE, channels=["T5"])
     (chart,) = charts_of(tf.identify(run, until=60.0, criterion="iec60034-1", limit=28.0, details=True))
     (told,) = tf.identify(run, until=60.0, criterion="iec60034-1")
-    assert (told.trip_min, "mark", "2K/h, 2x30min") in chart.marks
+    assert (told.trip_min, "trip", "stopping rule 2K/h, 2x30min") in chart.marks
     (limit,) = [s for s in chart.strips[0].series if s.label == "limit"]
     assert limit.y.tolist() == [28.0, 28.0]
     (chart,) = charts_of(tf.identify(run, until=60.0, limit=105.0, details=True))
     assert [s.label for s in chart.strips[0].series] == ["95 % band", "measured", "model"]
     assert [m[2] for m in chart.marks] == ["identification time", "95 % of the rise"]
+
+
+def test_a_page_of_paper_has_every_value_with_its_name():
+    page = page_of(tf.identify(SPINDLE, until=60, channels="T1"))
+    heads = re.findall(r'<button type="button">([a-z0-9_]+)</button>', page)
+    printed = dict(re.findall(r'#records td:nth-child\((\d+)\):before\{content:"([a-z0-9_]+): "\}', page))
+    assert list(printed.values()) == heads
+    assert [int(k) for k in printed] == list(range(1, len(heads) + 1))
+    assert '<th scope="row" class="who">T1</th><td class="number">' in page
+
+
+def test_runs_of_one_name_are_told_apart_by_their_folders():
+    runs = ["a/x/run.csv", "b/x/run.csv", "b/other.csv", "-"]
+    assert list(run_names(runs).values()) == [str(Path("a/x/run.csv")), str(Path("b/x/run.csv")), "other.csv", "-"]
+
+
+def test_a_page_says_who_has_no_prediction_and_why():
+    time = np.arange(0.0, 120.0)
+    rise = 20.0 - 8.0 * np.expm1(-time / 40.0) + 0.02 * np.random.default_rng(0).standard_normal(120)
+    found = tf.identify({"time_min": time, "A_degC": rise, "B_degC": np.full(120, 21.0)}, until=100.0)
+    said = verdict_of(found, found.rows())
+    assert "B_degC: Every reading is 21 degC: is the probe connected?" in said
+    assert said[-1] == "2 rows: 1 ok, 1 constant."
+    late = tf.identify({"time_min": time, "A": np.r_[np.full(30, 20.0), rise[:90]]}, until=110.0, start=30.0)
+    assert any("counted from where it begins, at 30 min" in s for s in verdict_of(late, late.rows()))
+    falls = tf.identify({"time_min": time, "A": 40.0 - rise}, until=100.0)
+    assert any("done 95 % of its fall, after" in s for s in verdict_of(falls, falls.rows()))
+
+
+def test_a_page_says_the_heat_that_a_model_lacks_and_how_far_it_is_off(tmp_path):
+    found = tf.compare(ROOT / "sample_runs" / "hidden.csv", until=120, unknown_heat=True, details=True)
+    chart = charts_of(found)[0]
+    assert [s.unit for s in chart.strips] == ["°C", "K", "K/min"]
+    heat = found.records[0].unknown_heat
+    band, line = chart.strips[2].series
+    assert line.y.tolist() == [row["heat_k_per_min"] for row in heat]
+    assert band.y.tolist() == [row["lo_k_per_min"] for row in heat]
+    assert band.high.tolist() == [row["hi_k_per_min"] for row in heat]
+    worst = max(found.records, key=lambda r: abs(r.worst_error_c))
+    assert f"it reads {abs(worst.worst_error_c):.2f} K above the model, on average." in verdict_of(found, found.rows())[0]
+
+
+def test_a_model_that_grew_is_judged_by_its_last_step_and_drawn_from_two_on():
+    found = tf.improve(ROOT / "sample_runs" / "hidden.csv", add=["second_mode"])
+    assert verdict_of(found, found.rows())[-1] == "4 rows of the last step: 4 ok."
+    assert len(charts_of(found)) == 1
+    none = tf.improve(SPINDLE, channels="T1", auto=True)
+    assert charts_of(none) == []
+    strokes = [Series("line", "", (), (), number=k).stroke for k in range(36)]
+    assert len(set(strokes)) == 36
+
+
+def test_a_long_record_says_that_not_all_of_it_is_drawn():
+    time = np.arange(5000) / 10.0
+    rise = 20.0 - 8.0 * np.expm1(-time / 40.0) + 0.02 * np.random.default_rng(0).standard_normal(5000)
+    (figure,) = figures_of(tf.identify({"time_min": time, "A": rise}, until=60.0, details=True))
+    assert figure["says"] == "600 of 5000 readings are drawn: the least and the largest of each stretch."

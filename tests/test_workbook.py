@@ -151,13 +151,23 @@ def test_hostile_names_stay_text(tmp_path):
 
 def test_cells_keep_what_they_are(tmp_path):
     rows = [
-        {"a": 1.5, "b": None, "c": [1, 2], "d": float("nan"), "e": True, "f": "007", "g": {"x": float("inf")}, "h": "y" * 40_000}
+        {
+            "a": 1.5,
+            "b": None,
+            "c": [1, 2],
+            "d": float("nan"),
+            "e": True,
+            "f": "007",
+            "h": "y" * 40_000,
+            "g": [{"from_min": 1.0, "to_min": 20.25}, {"from_min": 30.0, "to_min": float("inf")}],
+        }
     ]
     write_rows(str(tmp_path / "t.xlsx"), "bench", list(rows[0]), rows)
     head, row = sheets(tmp_path / "t.xlsx")["bench"]
     assert head == list(rows[0])
-    assert row[:7] == [1.5, "", "[1, 2]", "", True, "007", '{"x": null}']
-    assert len(row[7]) == 32_767
+    assert row[:6] == [1.5, "", "1, 2", "", True, "007"]
+    assert len(row[6]) == 32_767
+    assert row[7] == "from_min 1, to_min 20.25; from_min 30"
 
 
 def test_csv_for_excel_reads_back_as_numbers_with_decimal_commas(tool, tmp_path):

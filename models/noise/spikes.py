@@ -19,7 +19,10 @@ def difference_noise(reading: Array) -> Any:
 
 
 def exceeds_difference_noise(reading: Array, size: Array) -> NDArray[np.bool_]:
-    """Whether sizes (S,) [K] are larger than :func:`difference_noise` of the readings (S, n); of most, counting differences says so."""
+    """Whether sizes (S,) [K] are larger than :func:`difference_noise` of the readings (S, n).
+
+    Of most, counting differences says that they are not.
+    """
     may = np.empty(len(reading), dtype=np.uint8)
     kernel.may_exceed_difference_noise(np.ascontiguousarray(reading, dtype=float), np.ascontiguousarray(size, dtype=float), may)
     larger, asked = np.zeros(len(reading), dtype=bool), np.flatnonzero(may)

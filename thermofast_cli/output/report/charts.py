@@ -1,10 +1,11 @@
 """What there is to draw of a result: strips of series over one axis, described once for the page and the workbook."""
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from .words import run_names
 
 #: Sensors that are drawn, in their order.
 MOST = 60
@@ -33,8 +34,9 @@ class Series:
 
     @property
     def stroke(self) -> tuple[str, str]:
-        """Its colour and dash, where it has no look."""
-        return STROKES[self.number % len(STROKES)]
+        """Its colour and dash, where it has no look; from the seventh on the colours come again with other dashes."""
+        again, first = divmod(self.number, len(STROKES))
+        return STROKES[first][0], STROKES[(first + again) % len(STROKES)][1]
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,8 @@ class Strip:
 
 @dataclass(frozen=True)
 class Chart:
-    """label says in words what is seen; marks are (x, look, label), areas (from, to); names stand for the places 0, 1, ...
+    """label says in words what is seen, and says what the axes are where the title does not; marks are (x, look, label),
+    areas (from, to); names stand for the places 0, 1, ...
 
     Charts of one sheet stand in one sheet of a workbook, where sheet is told; each has its own else.
     """
@@ -61,6 +64,7 @@ class Chart:
     areas: tuple[tuple[float, float], ...] = ()
     names: tuple[str, ...] = ()
     sheet: str = "curves"
+    says: str = ""
 
 
 def charts_of(result: Any) -> list[Chart]:
@@ -100,7 +104,7 @@ def _prediction(result: Any) -> list[Chart]:
         marks += [(c.t95, "done", "95 % of the rise")] if c.t95 is not None else []
         told = rows[c.run, c.channel]
         trip = (told.start_min or 0.0) + told.trip_min if told.trip_min is not None else np.inf
-        marks += [(trip, "mark", told.criterion)] if trip <= c.model_time[-1] else []
+        marks += [(trip, "trip", f"stopping rule {told.criterion}")] if trip <= c.model_time[-1] else []
         ends = c.model_time[[0, -1]]
         low, high = float(np.nanmin(c.model)), float(np.nanmax(c.model))
         # A limit far away would leave the curves no room.
@@ -119,28 +123,51 @@ def _prediction(result: Any) -> list[Chart]:
     return found
 
 
+def _needed_heat(heat: list[dict[str, float]]) -> tuple[Strip, ...]:
+    """The strip of an unknown heat with its band: in watts where these are known."""
+    if not heat:
+        return ()
+    watts = "heat_w" in heat[0]
+    time = np.array([row["time_min"] for row in heat])
+    value, low, high = (np.array([row[f"{name}_{'w' if watts else 'k_per_min'}"] for row in heat]) for name in ("heat", "lo", "hi"))
+    band = Series("band", "heat, 95 % band", time, low, "band", high)
+    return (Strip("W" if watts else "K/min", (band, Series("line", "unknown heat", time, value, "model")), residual=True),)
+
+
 def _comparison(result: Any) -> list[Chart]:
-    found = []
+    found, rows = [], _rows_of(result)
     for p in result.panels:
         top = Series("points", "measured", p.time, p.reading, "measured"), Series("line", "model", p.time, p.model, "model")
         marks = ((p.until, "mark", "identification time"),) if p.until is not None else ()
         name, areas = sensor_name(p.run, p.channel, result), tuple((a, b) for a, b, _ in p.failing)
-        told = f"; the model fails in {len(areas)} stretches, shaded" if areas else "; the model fails nowhere"
-        strips = Strip("°C", top), _residual(p.time, p.reading - p.model)
+        many = "1 stretch" if len(areas) == 1 else f"{len(areas)} stretches"
+        told = f"; the model fails in {many}, shaded" if areas else "; the model fails nowhere"
+        needed = _needed_heat(rows[p.run, p.channel].unknown_heat)
+        told += "; below, the heat that would make it fit" if needed else ""
+        strips = Strip("°C", top), _residual(p.time, p.reading - p.model), *needed
         found.append(Chart(name, f"{name}: measurement and {p.effects}{told}", "min", strips, marks, areas))
     return found
 
 
 def _staircase(result: Any) -> list[Chart]:
     found: list[Chart] = []
+    called, rows = run_names(r.run for r in result.records), list(result.records)
     for one in result.steps:
-        if not one.labels:
-            continue
+        if len(one.labels) < 2:
+            continue  # one point is no line
         x, errors = np.arange(len(one.labels), dtype=float), np.array(one.ahead_errors, dtype=float)
         lines = tuple(Series("line", c, x, errors[:, i], number=i) for i, c in enumerate(one.channels))
-        label = f"{one.run}: error on readings that were not fitted, step by step: {', then '.join(one.labels)}"
-        names = tuple(one.labels)
-        found.append(Chart(Path(one.run).name, label, "step", (Strip("K", lines),), names=names, sheet="steps"))
+        left_out = any(r.run == one.run and r.rmse_other_runs_c is not None for r in rows)
+        what = (
+            "error on this run with what is shared told by the other runs" if left_out else "error on readings that were not fitted"
+        )
+        label = f"{one.run}: {what}, step by step: {', then '.join(one.labels)}"
+        title, names = called.get(one.run, one.run), tuple(one.labels)
+        found.append(
+            Chart(
+                title, label, "step", (Strip("K", lines),), names=names, sheet="steps", says=f"The {what}, a line for each sensor"
+            )
+        )
     return found
 
 
@@ -154,8 +181,10 @@ def _sweep(result: Any) -> list[Chart]:
             for k, (r, e) in enumerate(zip(swept.records, swept.rmse, strict=False))
         )
         name = sensor_name(swept.records[0].run, swept.records[0].channel, result)
-        label = f"{name}: RMS error of the model over the window against the identification time, a line for each window"
-        found.append(Chart(name, label, "min", (Strip("K", lines),), sheet="times"))
+        says = "RMS error of the model over the window against the identification time, a line for each window"
+        sure = [r.shortest_time_min for r in swept.records if r.shortest_time_min is not None and r.agreed and r.status == "ok"]
+        marks = ((max(sure), "mark", "shortest time that serves"),) if sure else ()
+        found.append(Chart(name, f"{name}: {says}", "min", (Strip("K", lines),), marks, sheet="times", says=says))
     return found
 
 
@@ -165,7 +194,8 @@ def _residual(time: Any, left: Any) -> Strip:
 
 def sensor_name(run: str, channel: str, result: Any) -> str:
     """A sensor, with its run where there are several."""
-    return channel if len({r.run for r in result.records}) < 2 else f"{run} {channel}"
+    called = run_names(r.run for r in result.records)
+    return channel if len(called) < 2 else f"{called[run]} {channel}"
 
 
 def thinned(chart: Chart, points: int, model_points: int) -> dict[int, Any]:

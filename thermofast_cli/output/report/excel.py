@@ -1,9 +1,7 @@
 """A result as an Excel workbook: a summary, the records, what pictures show as numbers, and charts that Excel draws of them."""
 
 import io
-import json
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import date, datetime
 from pathlib import Path
@@ -13,6 +11,8 @@ from ...errors import listed
 from ..meanings import meaning_of, unit_of
 from ..text import plain
 from .sheets import Drawing, Sheet, extra_sheets
+from .verdicts import verdict_of
+from .words import run_names, value_words
 
 if TYPE_CHECKING:
     from ...results import Result
@@ -84,18 +84,17 @@ def _summary(result: "Result[Any]", rows: Sequence[dict[str, Any]], made: Mappin
 
     lines: list[list[Any]] = [["made by", f"thermofast {result.command} {__version__}"], ["on", f"{date.today():%Y-%m-%d}"]]
     lines += [[heading.lower(), text] for heading, text in made.items()]
-    count = Counter(row.get("status", "") for row in rows)
-    lines += [["records", len(rows)], *([f"status {status}", n] for status, n in count.items() if status)]
-    for verdict in dict.fromkeys(str(row["verdict"]) for row in rows if row.get("verdict")):
-        lines.append(["verdict", verdict])
+    lines += [["verdict", said] for said in verdict_of(result, [plain(row) for row in rows])]
     for told in result.input():
         lines.append(["run", told["run"]])
         lines += [["read as", note] for note in told["notes"]]
         lines += [["guessed", f"{g['text']} ({g['option']})"] for g in told["guesses"]]
     of_whom: dict[str, dict[str, None]] = {}
+    names = run_names(dict.fromkeys(str(row["run"]) for row in rows))
     for row in rows:
         if row.get("message"):
-            of_whom.setdefault(str(row["message"]), {})[str(row.get("channel") or row.get("run") or "")] = None
+            of = f" of {names[row['run']]}" if len(names) > 1 and row.get("channel") else ""
+            of_whom.setdefault(str(row["message"]), {})[f"{row.get('channel') or row.get('run') or ''}{of}"] = None
     for message, whom in of_whom.items():
         lines.append([f"message of {listed(list(whom), 6)}" if any(whom) else "message", message])
     return Sheet("summary", ["what", "said"], lines)
@@ -144,19 +143,9 @@ def _shown(value: Any) -> str:
         return f"{value:.6g}"
     if isinstance(value, list | tuple) and all(isinstance(v, str) for v in value):
         return ", ".join(value)
-    if isinstance(value, dict) and value and all(isinstance(v, dict) and "value" in v for v in value.values()):
-        return "; ".join(_parameter(name, v) for name, v in value.items())
     if isinstance(value, list | tuple | dict):
-        return json.dumps(plain(value), ensure_ascii=False)
+        return value_words(plain(value))
     return "" if value is None else str(value)
-
-
-def _parameter(name: str, told: dict[str, Any]) -> str:
-    """A parameter as a reader takes it in: load_step.change = 0.31 ± 0.02, for one standard error."""
-    error, unit = told.get("standard_error"), told.get("unit", "")
-    beside = f" ± {error:.2g}" if isinstance(error, float) and math.isfinite(error) else ""
-    value = f"{told['value']:.6g}" if isinstance(told["value"], int | float) else str(told["value"])
-    return f"{name} = {value}{beside}{f' {unit}' if unit not in ('', '1') else ''}"
 
 
 def _label(text: str) -> str:

@@ -23,12 +23,21 @@ def _figure(chart: Chart) -> dict[str, Any]:
     told["marks"] = [{"at": _round(at), "css": look, "label": label} for at, look, label in chart.marks]
     told["areas"] = [[_round(a), _round(b)] for a, b in chart.areas]
     told |= {"names": list(chart.names)} if chart.names else {}
+    told["says"] = " ".join(f"{said}." for said in (chart.says, _few(chart, kept)) if said)
     told["strips"] = [
         {"unit": s.unit, "series": [_series(e, kept[id(e.x)]) for e in s.series]}
         | ({"height": LOW, "zero": True} if s.residual else {})
         for s in chart.strips
     ]
     return told
+
+
+def _few(chart: Chart, kept: dict[int, Any]) -> str:
+    """What to say where not all measurements are drawn."""
+    points = next((e for s in chart.strips for e in s.series if e.kind == "points"), None)
+    if points is None or len(kept[id(points.x)]) == len(points.x):
+        return ""
+    return f"{len(kept[id(points.x)])} of {len(points.x)} readings are drawn: the least and the largest of each stretch"
 
 
 def _series(series: Series, kept: Any) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 (() => {
   const NS = "http://www.w3.org/2000/svg";
   const data = JSON.parse(document.getElementById("data").textContent);
-  const W = 640, LEFT = 52, RIGHT = 12;
+  const LEFT = 52, RIGHT = 12;
 
   const make = (name, attributes, parent, text) => {
     const node = document.createElementNS(NS, name);
@@ -27,7 +27,10 @@
   };
   const ticks = (low, high, count) => {
     const raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw));
-    const step = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= raw) || raw;
+    const nice = [0.5, 1, 2, 5, 10].map((m) => m * power), least = Math.min(3, count - 1);
+    const wide = nice.find((s) => s >= raw) || raw, between = (s) => Math.floor(high / s) - Math.ceil(low / s) + 1;
+    // One mark alone tells no size: then the next narrower step.
+    const step = between(wide) >= least ? wide : nice.filter((s) => s < wide).pop() || wide;
     const found = [];
     for (let v = Math.ceil(low / step) * step; v <= high + 1e-9 * step; v += step) found.push(Math.abs(v) < 1e-9 * step ? 0 : v);
     return [found, Math.max(0, -Math.floor(Math.log10(step)))];
@@ -48,6 +51,8 @@
 
   // A chart: strips share the time axis; each holds series {kind: points|line|band, x, y, y2, label, css}.
   const chart = (figure, spec) => {
+    // As wide as it is shown, so that its letters are as large as those of the page.
+    const W = Math.max(300, Math.min(640, Math.round(figure.clientWidth) || 640));
     const strips = spec.strips, tops = [], heights = strips.map((s) => s.height || 190);
     let H = 8;
     heights.forEach((h) => { tops.push(H); H += h + 12; });
@@ -76,7 +81,8 @@
         const [marks, digits] = ticks(low, high, height > 100 ? 5 : 3);
         for (const v of marks) {
           make("line", { x1: LEFT, x2: W - RIGHT, y1: Y(v), y2: Y(v), class: "grid" }, svg);
-          make("text", { x: LEFT - 6, y: Y(v) + 4, "text-anchor": "end" }, svg, v.toFixed(digits));
+          // A long unit stands where the uppermost number would.
+          if (strip.unit.length < 3 || Y(v) > top + 18) make("text", { x: LEFT - 6, y: Y(v) + 4, "text-anchor": "end" }, svg, v.toFixed(digits));
         }
         make("text", { x: 4, y: top + 11 }, svg, strip.unit);
         const inner = make("g", { "clip-path": `url(#${id})` }, svg);
@@ -100,7 +106,7 @@
         }
         for (const m of spec.marks || []) if (m.at >= view[0] && m.at <= view[1]) make("line", { x1: X(m.at), x2: X(m.at), y1: top, y2: top + height, class: m.css }, inner);
       });
-      const [marks, digits] = ticks(view[0], view[1], 6);
+      const [marks, digits] = ticks(view[0], view[1], W < 450 ? 4 : 6);
       if (spec.names) spec.names.forEach((name, k) => { if (k >= view[0] && k <= view[1]) make("text", { x: X(k), y: H - 18, "text-anchor": k === 0 ? "start" : k === spec.names.length - 1 ? "end" : "middle" }, svg, name); });
       else for (const t of marks) make("text", { x: X(t), y: H - 18, "text-anchor": "middle" }, svg, t.toFixed(digits));
       make("text", { x: W - RIGHT, y: H - 4, "text-anchor": "end" }, svg, spec.axis);
@@ -109,15 +115,22 @@
     };
     const tell = () => {
       if (cursor === null) { readout.textContent = ""; return; }
-      const parts = [`${cursor.toFixed(1)} ${spec.axis}`];
+      // All that is told stands at one time, the nearest measurement's: else the residual would not be what the numbers differ by.
+      const read = strips[0].series.find((e) => e.kind === "points" && e.x.length);
+      const near = read && cursor >= read.x[0] && cursor <= read.x[read.x.length - 1] ? read.x[nearest(read.x, cursor)] : cursor;
+      const when = spec.names ? Math.round(cursor) : near;
+      const parts = [spec.names ? spec.names[when] : `${Number(when.toFixed(2))} ${spec.axis}`];
       for (const strip of strips) for (const e of strip.series) {
-        const value = e.kind === "points" ? (e.x.length ? e.y[nearest(e.x, cursor)] : null) : at(e.x, e.y, cursor);
-        const other = e.kind === "band" ? at(e.x, e.y2, cursor) : null;
+        const here = e.kind === "points" && e.x.length ? nearest(e.x, when) : -1;
+        const value = e.kind === "points" ? (here >= 0 && e.x[here] === when ? e.y[here] : null) : at(e.x, e.y, when);
+        const other = e.kind === "band" ? at(e.x, e.y2, when) : null;
         if (value !== null) parts.push(`${e.label} ${value.toFixed(2)}${other !== null ? ` to ${other.toFixed(2)}` : ""} ${strip.unit}`);
       }
       readout.textContent = parts.join("; ");
     };
-    const show = (a, b) => { if (b - a > 1e-6 * (whole[1] - whole[0])) view = [Math.max(a, whole[0]), Math.min(b, whole[1])]; draw(); };
+    // No closer than that two of the places that are drawn stand in it.
+    const shown = (a, b) => Math.max(...strips.flatMap((s) => s.series.map((e) => e.x.filter((t) => t >= a && t <= b).length)));
+    const show = (a, b) => { if (b > a && shown(a, b) > 1) view = [Math.max(a, whole[0]), Math.min(b, whole[1])]; draw(); };
     const scale = (factor) => {
       const middle = cursor === null ? (view[0] + view[1]) / 2 : cursor, half = ((view[1] - view[0]) * factor) / 2;
       show(middle - half, middle + half);
@@ -127,13 +140,21 @@
       return within(T(((event.clientX - box.left) / box.width) * W));
     };
     svg.addEventListener("pointermove", (event) => { cursor = where(event); draw(); tell(); });
-    svg.addEventListener("pointerdown", (event) => { if (event.pointerType !== "touch") { from = where(event); cursor = from; } });
+    svg.addEventListener("pointerdown", (event) => {
+      cursor = where(event);
+      if (event.pointerType !== "touch") {
+        from = cursor;
+        if (event.isTrusted) svg.setPointerCapture(event.pointerId);
+      }
+      draw();
+      tell();
+    });
     svg.addEventListener("pointerup", (event) => {
       const to = where(event), start = from;
       from = null;
       if (start !== null && Math.abs(to - start) > 0.01 * (view[1] - view[0])) show(Math.min(start, to), Math.max(start, to)); else draw();
     });
-    svg.addEventListener("pointerleave", () => { from = null; cursor = null; draw(); tell(); });
+    svg.addEventListener("pointerleave", (event) => { if (event.pointerType !== "touch") { from = null; cursor = null; draw(); tell(); } });
     svg.addEventListener("dblclick", () => show(whole[0], whole[1]));
     svg.addEventListener("keydown", (event) => {
       const step = (view[1] - view[0]) / 50, middle = cursor === null ? view[0] : cursor;
@@ -180,6 +201,7 @@
         return up ? less : -less;
       };
       body.append(...[...body.rows].sort(order));
+      said.textContent = `sorted by ${button.textContent}, ${up ? "least" : "greatest"} first`;
     });
   });
   const harmless = (text) => (/^[=+\-@\t\r]/.test(text) && Number.isNaN(Number(text)) ? `'${text}` : text);

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from datetime import date
 from html import escape as escaped
 from importlib.resources import files
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ from ..meanings import meaning_of, unit_of
 from ..text import plain
 from .figures import figures_of
 from .verdicts import verdict_of
+from .words import run_names, value_words
 
 if TYPE_CHECKING:
     from ...results import Result
@@ -45,7 +45,8 @@ def page_of(result: "Result[Any]", made: Mapping[str, str] = MappingProxyType({}
     """
     rows, charts = [plain(r) for r in result.rows()], figures_of(result)
     data = json.dumps({"command": result.command, "charts": charts}, ensure_ascii=False, separators=(",", ":")).translate(TURNING)
-    names = " and ".join(dict.fromkeys(Path(r["run"]).name for r in rows)) or "no run"
+    called = run_names(dict.fromkeys(r["run"] for r in rows))
+    names = " and ".join(called.values()) or "no run"
     title = f"thermofast {result.command}: {names if len(names) < 120 else f'{len(result.runs)} runs'}"
     verdict = "".join(f"<p>{escape(s)}</p>" for s in verdict_of(result, rows))
     style, script = (files(__package__).joinpath(f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
@@ -55,9 +56,10 @@ def page_of(result: "Result[Any]", made: Mapping[str, str] = MappingProxyType({}
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f'<title>{escape(title)}</title><link rel="icon" href="data:,"><style>{style}</style></head><body><main>',
         f'<h1>{escape(title)}</h1><div class="verdict">{verdict}</div>',
+        _glance(rows, called) if result.command in ("identify", "watch") else "",
         _figures(charts),
         _ranking(rows) if result.command == "diagnose" else "",
-        _table(list(result.kind.columns()), rows),
+        _table(list(result.kind.columns()), rows, called),
         _made(result, made),
         f'</main><script type="application/json" id="data">{_inert(data)}</script><script>{script}</script></body></html>\n',
     ]
@@ -69,15 +71,51 @@ def _inert(text: str) -> str:
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
+#: What a reader asks first of a prediction: heading, column, its interval, digits.
+GLANCE = (
+    ("settles, degC", "steady_state_c", ("steady_state_lo_c", "steady_state_hi_c"), 2),
+    ("95 % done after, min", "t95_min", ("t95_lo_min", "t95_hi_min"), 0),
+    ("still to go, min", "time_to_go_min", ("time_to_go_lo_min", "time_to_go_hi_min"), 0),
+)
+#: Sensors up to which there is such a table.
+MOST_GLANCED = 60
+
+
+def _glance(rows: Sequence[dict[str, Any]], called: Mapping[str, str]) -> str:
+    """The answer for each sensor in a few columns, as wide as a phone or a sheet of paper."""
+    if len(rows) > MOST_GLANCED:
+        return ""
+    heads = "".join(f"<th>{heading}</th><th>95 % interval</th>" for heading, *_ in GLANCE)
+    lines = []
+    for row in rows:
+        cells = []
+        for _, column, ends, digits in GLANCE:
+            value, sides = row[column], ["open" if row[end] is None else f"{row[end]:.{digits}f}" for end in ends]
+            told = ("", "") if value is None else (f"{value:.{digits}f}", f"{sides[0]} to {sides[1]}")
+            cells += [f'<td class="number">{text}</td>' for text in told]
+        name = row["channel"] if len(called) < 2 else f"{called[row['run']]} {row['channel']}"
+        lines.append(f'<tr><th scope="row" class="who">{escape(name)}</th>{"".join(cells)}{_cell("status", row["status"])}</tr>')
+    region = '<div class="wide" tabindex="0" role="region" aria-label="At a glance">'
+    head = f'<thead><tr><th class="who">sensor</th>{heads}<th>status</th></tr></thead>'
+    return f"<h2>At a glance</h2>{region}<table>{head}<tbody>{''.join(lines)}</tbody></table></div>"
+
+
 def _figures(charts: Sequence[dict[str, Any]]) -> str:
     if not charts:
         return ""
     drawn = "".join(
-        f'<figure data-chart="{k}"><figcaption><h3>{escape(c["title"])}</h3>{_key(c)}</figcaption></figure>'
+        f'<figure data-chart="{k}"><figcaption><h3>{escape(c["title"])}</h3>{_says(c)}{_key(c)}</figcaption></figure>'
         for k, c in enumerate(charts)
     )
-    hint = "Drag over a chart to zoom, double-click for all of it. By keyboard: arrows move the cursor, + and - zoom, 0 shows all."
-    return f'<h2>Charts</h2><p class="dim">{hint}</p><div class="charts">{drawn}</div>'
+    hint = (
+        "Drag over a chart to zoom, double-click for all of it; a tap shows what stands there. "
+        "By keyboard: arrows move the cursor, + and - zoom, 0 shows all."
+    )
+    return f'<h2>Charts</h2><p class="dim screen">{hint}</p><div class="charts">{drawn}</div>'
+
+
+def _says(chart: dict[str, Any]) -> str:
+    return f'<p class="key">{escape(chart["says"])}</p>' if chart["says"] else ""
 
 
 def _key(chart: dict[str, Any]) -> str:
@@ -113,7 +151,10 @@ def _ranking(rows: Sequence[dict[str, Any]]) -> str:
             f'<td class="long">{escape(e["why_not"])}</td></tr>'
             for e in ranking
         )
-        head = "<tr><th>effect</th><th>what it gains</th><th>gain</th><th>chance</th><th>what speaks against it</th></tr>"
+        head = (
+            "<tr><th>effect</th><th>what it gains</th><th>gain: fall of the misfit, in twice the log-likelihood</th>"
+            "<th>chance of that by noise</th><th>what speaks against it</th></tr>"
+        )
         parts.append(
             f'<h3>{escape(run)}</h3><div class="wide" tabindex="0" role="region" aria-label="Ranking of {escape(run, quote=True)}">'
             f"<table><thead>{head}</thead><tbody>{lines}</tbody></table></div>"
@@ -126,22 +167,36 @@ def _there(value: Any) -> bool:
     return isinstance(value, int | float) or value not in (None, "", [], {})
 
 
-def _table(columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
+def _table(columns: Sequence[str], rows: Sequence[dict[str, Any]], called: Mapping[str, str]) -> str:
     """The records without columns that are empty throughout, to be sorted, copied and saved."""
     kept = [c for c in columns if any(_there(r[c]) for r in rows)]
     told = {c: f"{meaning_of(c)}{f' [{unit_of(c)}]' if unit_of(c) else ''}" for c in kept}
-    head = "".join(f'<th scope="col" title="{escape(told[c])}"><button type="button">{escape(c)}</button></th>' for c in kept)
-    body = "".join(f"<tr>{''.join(_cell(c, r[c]) for c in kept)}</tr>" for r in rows)
+    head = "".join(
+        f'<th scope="col"{_who(c)} title="{escape(told[c])}"><button type="button">{escape(c)}</button></th>' for c in kept
+    )
+    body = "".join(f"<tr>{''.join(_run(r[c], called) if c == 'run' else _cell(c, r[c]) for c in kept)}</tr>" for r in rows)
     tools = (
         '<div class="tools"><button type="button" id="copy">Copy the table</button>'
         '<button type="button" id="save">Save as CSV</button><span id="said" role="status"></span></div>'
     )
     region = '<div class="wide" tabindex="0" role="region" aria-label="Table of the records">'
-    hint = '<p class="dim">A press on a heading sorts.</p>'
+    hint = '<p class="dim screen">A press on a heading sorts.</p>'
+    before = "".join(f'#records td:nth-child({k}):before{{content:"{c}: "}}' for k, c in enumerate(kept, 1))
     table = f'<table id="records"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
     means = "".join(f"<dt>{escape(c)}</dt><dd>{escape(told[c])}</dd>" for c in kept)
     key = f"<details><summary>What the columns mean</summary><dl>{means}</dl></details>"
-    return f"<h2>Records</h2>{tools}{hint}{region}{table}</div>{key}"
+    return f"<h2>Records</h2><style>@media print{{{before}}}</style>{tools}{hint}{region}{table}</div>{key}"
+
+
+def _who(column: str) -> str:
+    """What stays in sight where a wide table is moved."""
+    return ' class="who"' if column in ("channel", "column") else ""
+
+
+def _run(run: str, called: Mapping[str, str]) -> str:
+    """A run by as much of its path as tells it from the others; copied and saved by all of it."""
+    whole = escape(run, quote=True)
+    return f'<td data-value="{whole}" title="{whole}">{escape(called[run])}</td>'
 
 
 def _cell(column: str, value: Any) -> str:
@@ -158,26 +213,17 @@ def _cell(column: str, value: Any) -> str:
         if not value:
             return "<td></td>"
         count = f"{len(value)} entr{'y' if len(value) == 1 else 'ies'}"
-        return _folded(count, json.dumps(value, ensure_ascii=False), json.dumps(_brief(value), ensure_ascii=False))
+        return _folded(count, json.dumps(value, ensure_ascii=False), value_words(value))
     if column == "status":
         return f'<td class="{"ok" if value == "ok" else "doubt" if value in DOUBT else "failed"}">{escape(value)}</td>'
     if len(value) > FOLDED:
         return _folded(f"{value[:LONG]} ...", value)
-    return f"<td{' class=long' if len(value) > LONG else ''}>{escape(value)}</td>"
-
-
-def _brief(value: Any) -> Any:
-    """Lists and dictionaries with numbers as a reader takes them in: five digits."""
-    if isinstance(value, float):
-        return float(f"{value:.5g}") if math.isfinite(value) else value
-    if isinstance(value, dict):
-        return {name: _brief(one) for name, one in value.items()}
-    return [_brief(one) for one in value] if isinstance(value, list | tuple) else value
+    return f"<td{_who(column) or (' class=long' if len(value) > LONG else '')}>{escape(value)}</td>"
 
 
 def _chance(p: float) -> str:
     """A probability; one that is less than what a number can hold is not nothing."""
-    return f"{p:.2g}" if p > 0.0 else "&lt; 1e-300"
+    return f"{p:.2g}" if p >= 1e-300 else "&lt; 1e-300"
 
 
 def _folded(summary: str, whole: str, shown: str | None = None) -> str:

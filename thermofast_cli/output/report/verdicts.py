@@ -1,27 +1,55 @@
 """The verdict of a result in a few sentences."""
 
 from collections import Counter
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 from ...errors import listed
+from ...records import FAILURES
 from ...standards.stopping import in_words
 from .charts import MOST
+from .words import run_names, sentence
+
+#: Sentences of the records that stand on top at most: the others are in the table.
+MOST_SAID = 4
 
 
 def verdict_of(result: Any, rows: list[dict[str, Any]]) -> list[str]:
     """Sentences that stand on top of a page."""
     tellers = {"identify": _settles, "compare": _holds, "diagnose": _missing, "improve": _improved, "sweep": _shortest}
-    told = tellers[result.command](rows) if result.command in tellers and rows else []
+    told = tellers.get(result.command, _said)(rows) if rows else []
     if result.command == "identify":
-        told += [f"{sentence}." for sentence in in_words(result.records)]
+        told += [f"{said}." for said in in_words(result.records)]
         curves = sum(c is not None for c in result.curves)
         if curves > MOST:
             told.append(f"{MOST} of {curves} sensors are drawn: those told of here, those in doubt, then by their order.")
-    count = Counter(row.get("status", "") for row in rows)
+    told += _of_each([r for r in rows if r.get("status") in FAILURES], rows)
+    # Of a model that grows the last step is what counts.
+    steps = {r["run"]: r["step"] for r in rows if "step" in r}
+    last = [r for r in rows if r.get("step") == steps.get(r["run"])]
+    count = Counter(row.get("status", "") for row in last)
     states = ", ".join(f"{n} {status}" for status, n in count.items() if status)
-    number = "1 row" if len(rows) == 1 else f"{len(rows)} rows"
+    number = "1 row" if len(last) == 1 else f"{len(last)} rows"
+    number += " of the last step" if len(last) < len(rows) else ""
     return [*told, f"{number}: {states}." if states else f"{number}."]
+
+
+def _of_each(some: Sequence[dict[str, Any]], rows: Sequence[dict[str, Any]]) -> list[str]:
+    """What records say, each once with the names of those that say it; the first few."""
+    whom: dict[str, list[str]] = {}
+    for row in some:
+        if row["message"]:
+            whom.setdefault(row["message"], []).append(_who(row, rows))
+    said = [f"{listed(list(dict.fromkeys(names)), 6)}: {sentence(text)}" for text, names in list(whom.items())[:MOST_SAID]]
+    return [*said, "The table says more."] if len(whom) > MOST_SAID else said
+
+
+def _said(rows: list[dict[str, Any]]) -> list[str]:
+    """The records' own words, of commands whose answer these are."""
+    sure = [r for r in rows if r.get("status") not in FAILURES]
+    found = [f"Verdict: {sentence(text)}" for text in dict.fromkeys(r["verdict"].lower() for r in sure if r.get("verdict"))]
+    found += [sentence(text) for text in dict.fromkeys(r["message"] for r in sure if r.get("message"))]
+    return [*found[:MOST_SAID], "The table says more."] if len(found) > MOST_SAID else found
 
 
 def _settles(rows: list[dict[str, Any]]) -> list[str]:
@@ -35,13 +63,25 @@ def _settles(rows: list[dict[str, Any]]) -> list[str]:
         told.append(f"{_who(hot, rows)} settles highest{of}, at {_with(hot, 'steady_state', 'c', 'degC', 2)}.")
     if doubted:
         names = listed([_who(r, rows) for r in doubted], 6)
-        told.append(f"In doubt or not determined: {names}; the table says why{'' if known else ', and no sensor is sure'}.")
+        told.append(f"In doubt or not determined: {names}{'' if known else '; no sensor is sure'}.")
+        told += _of_each(doubted, rows)
     timed = [r for r in known if r["t95_min"] is not None]
     if timed:
         last = max(timed, key=lambda r: r["t95_min"])
         of_these = "Of those that are sure, " if doubted else ""
+        begun, first = last["start_min"] or 0.0, last["initial_c"]
+        way = "fall" if first is not None and last["steady_state_c"] < first else "rise"
+        since = f", counted from where it begins, at {begun:.4g} min" if begun else ""
         told.append(
-            f"{of_these}{_who(last, rows)} is the last to have done 95 % of its rise, after {_with(last, 't95', 'min', 'min', 0)}."
+            f"{of_these}{_who(last, rows)} is the last to have done 95 % of its {way}, "
+            f"after {_with(last, 't95', 'min', 'min', 0)}{since}."
+        )
+    off = [r for r in rows if r.get("switch_off_c") is not None]
+    if off:
+        hot = max(off, key=lambda r: r["switch_off_c"])
+        told.append(
+            f"When it was switched off, at {hot['switch_off_min']:.4g} min, {_who(hot, rows)} was "
+            f"{'the hottest, ' if len(off) > 1 else ''}at {_with(hot, 'switch_off', 'c', 'degC', 2)}."
         )
     limited = [r for r in rows if r.get("margin_k") is not None]
     if limited:
@@ -66,24 +106,30 @@ def _holds(rows: list[dict[str, Any]]) -> list[str]:
     if not failing:
         return ["The model holds in every sensor: what it leaves is noise."]
     worst = max(failing, key=lambda r: abs(r["worst_error_c"]))
+    side = "above" if worst["worst_error_c"] > 0.0 else "below"
     return [
-        f"The model fails in {len(failing)} of {len(rows)} sensors, most in {_who(worst, rows)}: by {worst['worst_error_c']:.2f} K "
-        f"from {worst['worst_from_min']:.0f} to {worst['worst_to_min']:.0f} min."
+        f"The model fails in {len(failing)} of {len(rows)} sensors, most in {_who(worst, rows)}: "
+        f"from {worst['worst_from_min']:.0f} to {worst['worst_to_min']:.0f} min it reads "
+        f"{abs(worst['worst_error_c']):.2f} K {side} the model, on average.",
+        *dict.fromkeys(sentence(r["message"]) for r in failing[:1] if r["message"]),
     ]
 
 
 def _missing(rows: list[dict[str, Any]]) -> list[str]:
     told = []
-    for run in dict.fromkeys(r["run"] for r in rows):
+    for run, name in run_names(r["run"] for r in rows).items():
         mine = [r for r in rows if r["run"] == run]
         named = list(dict.fromkeys(r["verdict"] for r in mine if r["verdict"]))
-        told.append(f"{Path(run).name}: {', '.join(named) or 'nothing could be searched'}. Advice: {mine[0]['advice']}".strip())
+        words = ", ".join("nothing is missing" if n == "none" else n for n in named) or "nothing was searched"
+        told.append(f"{name}: {sentence(words)}")
+        told += [sentence(text) for text in dict.fromkeys(r["message"] for r in mine if r["status"] not in FAILURES) if text][:1]
+        told += [f"Advice: {sentence(mine[0]['advice'])}"] if mine[0]["advice"] else []
     return told
 
 
 def _improved(rows: list[dict[str, Any]]) -> list[str]:
     told = []
-    for run in dict.fromkeys(r["run"] for r in rows):
+    for run, name in run_names(r["run"] for r in rows).items():
         mine = [r for r in rows if r["run"] == run and r["rmse_ahead_c"] is not None]
         if not mine:
             continue
@@ -91,10 +137,15 @@ def _improved(rows: list[dict[str, Any]]) -> list[str]:
         errors = [[r["rmse_ahead_c"] for r in mine if r["step"] == step] for step in (0, last)]
         means = [sum(e) / len(e) for e in errors if e]
         added: list[str] = next((r["effects"] for r in mine if r["step"] == last), [])
-        told.append(
-            f"{Path(run).name}: with {' + '.join(added) or 'nothing added'} the error on readings that were not fitted goes from "
-            f"{means[0]:.3f} to {means[-1]:.3f} K. {mine[-1]['stopped_because']}".strip()
-        )
+        goes = f"goes from {means[0]:.3f} to {means[-1]:.3f} K" if last else f"is {means[0]:.3f} K"
+        told.append(f"{name}: with {' + '.join(added) or 'nothing added'} the error on readings that were not fitted {goes}.")
+        others = [r for r in mine if r["rmse_other_runs_c"] is not None]
+        left_out = [[r["rmse_other_runs_c"] for r in others if r["step"] == step] for step in (0, last)]
+        if last and all(left_out):
+            before, after = (sum(e) / len(e) for e in left_out)
+            told[-1] = f"{told[-1][:-1]}, on this run with what is shared told by the others from {before:.3f} to {after:.3f} K."
+        why = mine[-1]["stopped_because"]
+        told += [sentence(f"it stopped because {why.removeprefix('none: ')}")] if why else []
     return told
 
 
@@ -106,15 +157,17 @@ def _shortest(rows: list[dict[str, Any]]) -> list[str]:
     told = [f"An identification time serves in {len(served)} of {len(sensors)} sensors, whatever the window."]
     if sure:
         first, last = min(r["shortest_time_min"] for r in sure), max(r["shortest_time_min"] for r in sure)
-        told = [f"{told[0][:-1]}: from {first:g} min for the first of them, from {last:g} min for the last."]
+        when = f"from {first:g} min for the first of them, from {last:g} min for the last" if last > first else f"from {last:g} min"
+        told = [f"{told[0][:-1]}: {when}."]
     within = [r["tolerance_time_min"] for r in rows if r["tolerance_time_min"] is not None]
     reached = len({(r["run"], r["channel"]) for r in rows if r["tolerance_time_min"] is not None})
     after = f", the last of them after {max(within):g} min" if within else ""
     return [*told, f"The steady state is known to within the tolerance in {reached} of {len(sensors)}{after}."]
 
 
-def _who(row: dict[str, Any], rows: list[dict[str, Any]]) -> str:
-    return row["channel"] if len({r["run"] for r in rows}) < 2 else f"{row['channel']} of {Path(row['run']).name}"
+def _who(row: dict[str, Any], rows: Sequence[dict[str, Any]]) -> str:
+    called = run_names(r["run"] for r in rows)
+    return row["channel"] if len(called) < 2 else f"{row['channel']} of {called[row['run']]}"
 
 
 def _with(row: dict[str, Any], name: str, unit: str, said: str, digits: int) -> str:

@@ -1,0 +1,44 @@
+"""Names and values as a reader of a page or a workbook takes them in."""
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+
+def run_names(runs: Iterable[str]) -> dict[str, str]:
+    """Each run's file by its name; of several of one name with as many folders as tell them apart."""
+    parts = {run: Path(run).parts or (run,) for run in runs}
+    found = {}
+    for run, mine in parts.items():
+        others = [p for r, p in parts.items() if r != run]
+        count = next((n for n in range(1, len(mine) + 1) if all(p[-n:] != mine[-n:] for p in others)), len(mine))
+        found[run] = str(Path(*mine[-count:]))
+    return found
+
+
+def sentence(text: str) -> str:
+    """Words of a record as a sentence: with a capital, and an end."""
+    text = text.strip()
+    first = text.split(" ", 1)[0]
+    begun = text[:1].upper() + text[1:] if first.isalpha() and first.islower() else text
+    return begun if begun.endswith((".", "!", "?")) or not begun else f"{begun}."
+
+
+def value_words(value: Any) -> str:
+    """A list or a dictionary of a record in words: parameters with their errors, rows as names and numbers."""
+    if isinstance(value, dict) and value and all(isinstance(v, dict) and "value" in v for v in value.values()):
+        return "; ".join(_parameter(name, v) for name, v in value.items())
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {value_words(v)}" for name, v in value.items() if v not in (None, "", [], {}))
+    if isinstance(value, list | tuple):
+        return ("; " if any(isinstance(v, dict) for v in value) else ", ").join(value_words(v) for v in value)
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def _parameter(name: str, told: dict[str, Any]) -> str:
+    """A parameter as a reader takes it in: load_step.change = 0.31 ± 0.02, for one standard error."""
+    error, unit = told.get("standard_error"), told.get("unit", "")
+    beside = f" ± {error:.2g}" if isinstance(error, float) and math.isfinite(error) else ""
+    value = f"{told['value']:.6g}" if isinstance(told["value"], int | float) else str(told["value"])
+    return f"{name} = {value}{beside}{f' {unit}' if unit not in ('', '1') else ''}"
