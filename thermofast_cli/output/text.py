@@ -91,4 +91,6 @@ def _as_text(told: str) -> str:
 def short(value: Any) -> str:
     """A value for a reader's eye."""
     value = plain(value)
+    if isinstance(value, str):
+        return " ".join(value.split())  # no spreadsheet reads it here
     return f"{value:.5g}" if isinstance(value, float) else " ".join(cell(value).split())
