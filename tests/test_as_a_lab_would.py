@@ -13,8 +13,8 @@ from thermofast.displacements.report import _constants_apart
 from thermofast.errors import UsageError
 from thermofast.estimation.measured import measured_equilibria
 from thermofast.experiments import planning
+from thermofast.learning.past import rises_of_model
 from thermofast.machine.learnt import as_learnt
-from thermofast.machine.past import rises_of_model
 from thermofast.models.displacement import Sample
 from thermofast.reading.run import told_of_sensors
 

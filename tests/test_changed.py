@@ -11,9 +11,9 @@ from scipy.stats import norm
 
 import thermofast as tf
 from thermofast.analysis.changed import Difference
-from thermofast.discovery.observe import observe
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
 from thermofast.models.uncertainty.changes import Begun, Change, RunNumbers, _mixed, _size, changes, other_room, scatter, with_room
+from thermofast.observing.observe import observe
 from thermofast.output.pictures.change import draw_change
 
 RISES = np.array([10.0, 7.0, 5.0])

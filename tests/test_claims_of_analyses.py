@@ -176,10 +176,10 @@ def test_a_range_of_the_room_moves_the_curve_by_as_much_on_both_sides():
     from machines import draw
 
     from thermofast.discovery.compare import curve_bounds
-    from thermofast.discovery.observe import observe
     from thermofast.models.effects.ambient import Ambient
     from thermofast.models.joint import fit_model
     from thermofast.models.search.candidates import try_add
+    from thermofast.observing.observe import observe
     from thermofast.reading import Run
 
     columns = draw(("ambient",), np.random.default_rng(3), "clear").columns

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thermofast.output.arrow import columns_to_arrow, to_arrow, types_of
-from thermofast.output.columns import Records, Same, numbers_of
 from thermofast.records import IdentifyRecord, Record, SweepRecord
+from thermofast.records.columns import Records, Same, numbers_of
 
 numbers = st.none() | st.floats(allow_nan=False, allow_infinity=False)
 records = st.builds(

@@ -7,14 +7,14 @@ import pytest
 from scipy.signal import lfilter
 
 import thermofast as tf
-from thermofast.discovery.loop import parameters_of, unseen_delay
-from thermofast.discovery.observe import observe
 from thermofast.discovery.remains import cycle_of
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import RATE, Key, Part, fit_model, refit
 from thermofast.models.noise.discrepancy import Noise, RandomWalk
 from thermofast.models.uncertainty.disturbed import _taken_up, disturbed_deviations
+from thermofast.observing.observe import observe
+from thermofast.observing.task import parameters_of, unseen_delay
 
 LOAD = next(kind for kind in BUILT_IN if kind.id == "load_step")()
 TIME = np.arange(0.0, 240.0, 2.0)

@@ -13,7 +13,6 @@ from scipy.stats import multivariate_normal
 import thermofast as tf
 from benchmarks.discovery.dominant import BACKGROUND, judge, runs_of
 from benchmarks.machines import bar
-from thermofast.discovery.observe import observe
 from thermofast.estimation.imperfect import NOT_LIKELIER
 from thermofast.models.coloured import fit_disturbed
 from thermofast.models.effects import BUILT_IN
@@ -22,6 +21,7 @@ from thermofast.models.noise.spectral import CORNERS, POWERS, STEEPNESS, block_m
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import discover, discover_together
 from thermofast.models.search.dominant import decide
+from thermofast.observing.observe import observe
 from thermofast.pipeline.averaged import averaged
 from thermofast.records import IdentifyRecord
 

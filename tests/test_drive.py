@@ -9,7 +9,7 @@ import pytest
 
 import thermofast as tf
 from benchmarks.intervals.driven import judged
-from thermofast.machine.jumps import last_change, stays
+from thermofast.learning.jumps import last_change, stays
 
 TIME = np.arange(0.0, 300.0, 1.0)
 POWER = np.where(TIME < 40, 600.0, np.where(TIME < 70, 300.0, np.where(TIME < 110, 900.0, 500.0)))

@@ -6,11 +6,11 @@ from scipy.integrate import solve_ivp
 
 import thermofast as tf
 from benchmarks.discovery.acts_twice import changed_load, open_door
-from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.greybox import Key, Part
 from thermofast.models.search.candidates import partners
 from thermofast.models.search.discover import discover_together
+from thermofast.observing.observe import observe
 
 TIME = np.arange(421.0)
 

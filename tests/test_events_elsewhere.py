@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
-from thermofast.discovery.observe import observe
 from thermofast.models.search.logged import _jumps_before
+from thermofast.observing.observe import observe
 from thermofast.plugins.effects import load_effect
 from thermofast.plugins.guard import PluginError
 

@@ -14,15 +14,14 @@ from simulator import held_response
 
 import thermofast as tf
 from benchmarks.intervals.half_explained import machine
-from thermofast.discovery.observe import observe
 from thermofast.estimation import imperfect
 from thermofast.estimation.estimate import none_yet
 from thermofast.estimation.imperfect import _with_unreached
+from thermofast.learning.past import _reached
+from thermofast.learning.rise import _doubtful
 from thermofast.machine.learnt import EFFECT_AGAIN, carry
 from thermofast.machine.model import Model
 from thermofast.machine.modelfile import model_file, read_model
-from thermofast.machine.past import _reached
-from thermofast.machine.rise import _doubtful
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.imperfection import FAST_MODES, NONE, SLOW_MODES, TYPICAL, Part, Past, SensorShape
 from thermofast.models.imperfection.machine.known import Known
@@ -32,6 +31,7 @@ from thermofast.models.imperfection.shapes import Asked
 from thermofast.models.joint import LEVEL, RATE, START, Key, fit_model
 from thermofast.models.search.candidates import try_add
 from thermofast.models.uncertainty.pooled import SCATTER, dependence, pool
+from thermofast.observing.observe import observe
 
 LACKING = 720  # a second mass and a loss that grows, of which the model is told the mass
 COUNT = len(SLOW_MODES) + len(FAST_MODES) + 1

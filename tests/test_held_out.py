@@ -12,8 +12,6 @@ from benchmarks.machines import bar
 from thermofast.discovery import wording
 from thermofast.discovery.compare import HOLDS, left_together
 from thermofast.discovery.diagnose import verdict_of
-from thermofast.discovery.loop import LoopTask, ahead_errors, at_rest, curve_ahead
-from thermofast.discovery.observe import observe
 from thermofast.discovery.wording import _error_moves, may_be_none, not_borne_out
 from thermofast.models.effects import LoadStep, NeighbourHeat
 from thermofast.models.joint import Key, fit_model, refit, settled
@@ -21,6 +19,8 @@ from thermofast.models.search import heldout
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import discover
 from thermofast.models.search.rules import RULES
+from thermofast.observing.observe import observe
+from thermofast.observing.task import LoopTask, ahead_errors, at_rest, curve_ahead
 from thermofast.records import CompareRecord
 
 MINUTES = np.arange(0.0, 301.0)

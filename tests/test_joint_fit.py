@@ -6,11 +6,11 @@ from machines import draw
 from scipy.optimize import least_squares
 from test_effects_contract import record
 
-from thermofast.discovery.observe import observe
 from thermofast.models import Observations
 from thermofast.models.arrow import BEYOND, finite_slopes
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import LEVEL, RATE, Model, Part, Prior, fit_model, search
+from thermofast.observing.observe import observe
 from thermofast.reading import Run
 
 KINDS = {kind.id: kind() for kind in BUILT_IN}

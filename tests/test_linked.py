@@ -7,9 +7,8 @@ import pytest
 
 import thermofast as tf
 from benchmarks.intervals.linked import MINUTES, machine, settled
-from thermofast.discovery.observe import observe
-from thermofast.machine.jumps import last_level, longest_stay
-from thermofast.machine.rise import DRIVEN_MODES, _extended, _of_others, free_run, rises_of, together
+from thermofast.learning.jumps import last_level, longest_stay
+from thermofast.learning.rise import DRIVEN_MODES, _extended, _of_others, free_run, rises_of, together
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.imperfection import GRID
 from thermofast.models.imperfection.machine.known import Known
@@ -18,6 +17,7 @@ from thermofast.models.joint import RATE, Key, Part, fit_model
 from thermofast.models.relaxation import relaxed
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.mutual import both_ways
+from thermofast.observing.observe import observe
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,12 @@ import pytest
 
 import thermofast as tf
 from benchmarks.analysis.linked_events import machine
-from thermofast.discovery.observe import observe
 from thermofast.models.effects import CoolingSwitch, NeighbourHeat
 from thermofast.models.joint import Key, Part, fit_model
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.mutual import beside_shared, go_both_ways
 from thermofast.models.uncertainty.disturbed import disturbed_deviations
+from thermofast.observing.observe import observe
 
 
 @pytest.mark.parametrize("seed", [703, pytest.param(708, marks=pytest.mark.proof)])

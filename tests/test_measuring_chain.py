@@ -8,12 +8,12 @@ import xlsxwriter
 from conftest import ROOT
 
 import thermofast as tf
-from thermofast.discovery.observe import observe
 from thermofast.discovery.wording import _coarse, _unlogged, _when
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.effects.base import Choice
 from thermofast.models.joint import Key, Part
 from thermofast.models.noise.chain import came_off, originals
+from thermofast.observing.observe import observe
 
 KINDS = {kind.id: kind for kind in BUILT_IN}
 

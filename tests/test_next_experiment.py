@@ -9,7 +9,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
-from thermofast.discovery.observe import observe
 from thermofast.experiments.next_experiment import (
     SEEN_RISE,
     Experiment,
@@ -23,6 +22,7 @@ from thermofast.experiments.next_experiment import (
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import fit_model
 from thermofast.models.search.discover import discover
+from thermofast.observing.observe import observe
 
 CATALOGUE = [effect() for effect in BUILT_IN]
 

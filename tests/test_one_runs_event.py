@@ -5,10 +5,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
-from thermofast.discovery.observe import observe
-from thermofast.machine.foretold import Foretold
+from thermofast.learning.foretold import Foretold
 from thermofast.machine.learnt import carry
 from thermofast.models.joint import RATE
+from thermofast.observing.observe import observe
 
 TAUS, RISES = (40.0, 46.0, 52.0), (8.0, 10.0, 7.0)
 

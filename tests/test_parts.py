@@ -9,12 +9,12 @@ from scipy.integrate import solve_ivp
 
 import thermofast as tf
 from benchmarks.analysis.room_steps import record
-from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.greybox import SINK, Key, Model, Part
 from thermofast.models.joint import fit_model
 from thermofast.models.search.candidates import places, trials, try_add
 from thermofast.models.search.discover import _arbitrary
+from thermofast.observing.observe import observe
 
 TIME = np.arange(0.0, 361.0, 3.0)
 EVENT = 150.0

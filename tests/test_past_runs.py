@@ -12,8 +12,6 @@ from scipy.integrate import solve_ivp
 
 import thermofast as tf
 from benchmarks.intervals.two_masses import machine
-from thermofast.discovery.loop import curve_ahead
-from thermofast.discovery.observe import observe
 from thermofast.discovery.together import _stretched
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
@@ -36,6 +34,8 @@ from thermofast.models.imperfection.shapes import loss_bend
 from thermofast.models.joint import LEVEL, RATE, Model, fit_model
 from thermofast.models.search.candidates import try_add
 from thermofast.models.uncertainty.pooled import fit_together, pool
+from thermofast.observing.observe import observe
+from thermofast.observing.task import curve_ahead
 
 SLOW = len(SLOW_MODES)
 COUNT = SLOW + len(FAST_MODES) + 1

@@ -7,6 +7,7 @@ import shlex
 import subprocess
 import sys
 from dataclasses import fields
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,41 @@ def test_the_layers_hold(path):
     else:  # neither knows the other, nor the tool
         assert not mine
         assert not {name.partition(".")[0] for name in imported(path)} & {"click", "pandas", "pyarrow", "rich"}
+
+
+def folders_used(path: Path, top: Path) -> set[str]:
+    """Folders below `top` that a file there imports from, for the checker of types alone aside; commands are of the shell."""
+    tree, parts = ast.parse(path.read_text()), path.relative_to(top).parts
+    for node in [n for n in ast.walk(tree) if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING"]:
+        node.body = []
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = [*parts[: len(parts) - node.level], *(node.module or "").split(".")]
+            names = [base[0]] if base[0] else [a.name for a in node.names]
+            found |= {name for name in names if (top / name).is_dir()}
+    return {"shell" if name == "commands" else name for name in found}
+
+
+@pytest.mark.parametrize("name", ["thermofast_cli", "models"])
+def test_no_two_folders_stand_on_each_other(name):
+    """What a folder stands on does not stand on it: a newcomer can read them one after another."""
+    top, graph = ROOT / name, {}
+    for path in top.rglob("*.py"):
+        if path.parent != top:
+            folder = path.relative_to(top).parts[0]
+            folder = "shell" if folder == "commands" else folder
+            graph.setdefault(folder, set()).update(folders_used(path, top) - {folder})
+    order = list(TopologicalSorter(graph).static_order())
+    for below, above in (
+        ("machine", "observing"),
+        ("observing", "learning"),
+        ("learning", "discovery"),
+        ("discovery", "shell"),
+        ("core", "noise"),
+    ):
+        if below in order:
+            assert order.index(below) < order.index(above)
 
 
 def test_a_newcomer_reads_the_tree():

@@ -299,10 +299,10 @@ def test_no_rival_is_the_verdict_in_another_order(tool):
 
 
 def test_hints_leave_out_what_is_logged(stepped):
-    from thermofast.discovery.loop import LoopTask, ready
     from thermofast.discovery.wording import hints_of
     from thermofast.models.effects import BUILT_IN
     from thermofast.models.search.candidates import Candidate
+    from thermofast.observing.task import LoopTask, ready
     from thermofast.reading import read_runs
 
     prepared = ready(LoopTask(read_runs(stepped)[0]))[1]

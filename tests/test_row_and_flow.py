@@ -9,11 +9,11 @@ import pytest
 
 import thermofast as tf
 from benchmarks.discovery.row_and_flow import KINDS, cooled, judge, pipe, rod
-from thermofast.discovery.loop import LoopTask
-from thermofast.discovery.observe import observe
 from thermofast.discovery.stretches import steps_near
 from thermofast.discovery.wording import _adding, _coolants
 from thermofast.models.effects import BUILT_IN
+from thermofast.observing.observe import observe
+from thermofast.observing.task import LoopTask
 from thermofast.reading_options import options_from, spoken
 
 LONG = ("coolant", "one delay", "uneven row")

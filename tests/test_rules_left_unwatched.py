@@ -12,7 +12,7 @@ from thermofast.discovery.stretches import failing_stretches, steps_near
 from thermofast.estimation.closing import settling
 from thermofast.estimation.measured import comes_back
 from thermofast.estimation.verdicts import _wide_words
-from thermofast.machine.jumps import last_level, longest_stay
+from thermofast.learning.jumps import last_level, longest_stay
 from thermofast.models.core.tails import f_tail
 from thermofast.models.standards.settled import Passing
 from thermofast.records import IdentifyRecord

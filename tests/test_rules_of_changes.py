@@ -11,9 +11,9 @@ import thermofast as tf
 from thermofast.analysis import changed as analysis
 from thermofast.analysis.changed import _bent, _of_a_size
 from thermofast.analysis.sides import hardly_bent
-from thermofast.discovery.observe import observe
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
 from thermofast.models.uncertainty import changes as changed
+from thermofast.observing.observe import observe
 
 
 def test_a_mixed_size_has_the_spread_of_its_ways():

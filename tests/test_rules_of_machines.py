@@ -12,7 +12,8 @@ from thermofast.analysis import calibration, changed, validate
 from thermofast.analysis.watching import TOGETHER, Watch
 from thermofast.discovery import remains, several, together
 from thermofast.discovery.colour import colour_of
-from thermofast.machine import foretold, jumps, learnt, past, rise
+from thermofast.learning import foretold, jumps, past, rise
+from thermofast.machine import learnt
 from thermofast.models import Observations
 from thermofast.models.imperfection import TYPICAL
 from thermofast.models.joint import RATE, Key, fit_model

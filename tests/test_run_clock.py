@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import thermofast as tf
-from thermofast.discovery.observe import observe
 from thermofast.discovery.stretches import steps_near
 from thermofast.discovery.wording import _worst
 from thermofast.models.search.discover import discover
+from thermofast.observing.observe import observe
 
 STEP, IDLE = 150.0, 60.0
 

@@ -7,12 +7,12 @@ import pytest
 
 import thermofast as tf
 from thermofast.discovery import together
-from thermofast.discovery.loop import LoopTask
 from thermofast.discovery.several import OneOf, ready_runs
 from thermofast.discovery.together import _nearest, _or_instead, _stage, _swaps, _with
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import fit_model
 from thermofast.models.search.candidates import try_add
+from thermofast.observing.task import LoopTask
 from thermofast.records import ImproveRecord
 
 KINDS = {kind.id: kind for kind in BUILT_IN}

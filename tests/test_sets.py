@@ -9,12 +9,12 @@ from benchmarks.discovery.dominant import runs_of
 from benchmarks.discovery.proof import as_run
 from benchmarks.discovery.several_effects import judge
 from tests.machines import draw
-from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import RATE, Key, fit_model, search
 from thermofast.models.search.candidates import Candidate, try_add
 from thermofast.models.search.discover import discover
 from thermofast.models.search.sets import Sets, _unmirrored, _with_one_less, _with_rivals, larger_sets, of_needed_effects
+from thermofast.observing.observe import observe
 
 EFFECTS = {kind.id: kind for kind in BUILT_IN}
 

@@ -7,10 +7,10 @@ from scipy.integrate import solve_ivp
 import thermofast as tf
 from benchmarks.discovery.dominant import runs_of
 from benchmarks.machines import bar
-from thermofast.discovery.observe import observe
 from thermofast.experiments.next_experiment import Experiment, simulated
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import fit_model
+from thermofast.observing.observe import observe
 
 EVENTS = [kind() for kind in BUILT_IN if kind().event]
 

@@ -319,8 +319,8 @@ def test_a_temperature_at_switch_off_rests_on_readings_until_the_time_named_alon
 
 def test_half_widths_of_a_sweep_with_a_model_are_those_of_identify_at_that_time(monkeypatch):
     """--start."""
-    from thermofast.discovery.loop import LoopTask
-    from thermofast.machine import settle
+    from thermofast.learning import settle
+    from thermofast.observing.task import LoopTask
 
     asked = []
     time, reading = law(100.0)
@@ -336,7 +336,7 @@ def test_half_widths_of_a_sweep_with_a_model_are_those_of_identify_at_that_time(
 
 def test_a_load_that_jumped_did_so_on_the_clock_of_the_run():
     """--drive with --start."""
-    from thermofast.machine.past import _changed
+    from thermofast.learning.past import _changed
 
     time = np.arange(100.0)
     heat = np.where(time >= 60.0, 1.0, 0.4)
@@ -345,7 +345,7 @@ def test_a_load_that_jumped_did_so_on_the_clock_of_the_run():
 
 
 def test_what_settles_by_a_time_settles_by_its_inverse():
-    from thermofast.machine.rise import slowest
+    from thermofast.learning.rise import slowest
     from thermofast.models.joint import RATE, Key
 
     part = SimpleNamespace(
@@ -446,8 +446,8 @@ def test_a_machine_whose_runs_are_known_is_not_taken_for_the_law_itself():
 
 def test_an_error_of_a_logarithm_is_told_in_the_units_of_the_value():
     """Parameters of a record."""
-    from thermofast.discovery.loop import parameters_of
     from thermofast.models.joint import Key
+    from thermofast.observing.task import parameters_of
 
     key = Key(0, "lag")
     column = SimpleNamespace(part=0, key=key, parameter=SimpleNamespace(name="lag", each="run", log=True, unit="min"))
@@ -459,7 +459,7 @@ def test_an_error_of_a_logarithm_is_told_in_the_units_of_the_value():
 
 
 def test_a_steady_state_with_a_logged_column_is_that_of_its_last_level(monkeypatch):
-    from thermofast.machine import settle
+    from thermofast.learning import settle
     from thermofast.models.joint import LEVEL, RATE, START
 
     monkeypatch.setattr(settle, "replace", lambda one, **new: SimpleNamespace(**{**vars(one), **new}))
@@ -474,9 +474,9 @@ def test_a_steady_state_with_a_logged_column_is_that_of_its_last_level(monkeypat
 
 def test_the_error_of_blocks_left_out_is_that_on_the_blocks():
     """The last eighth of a record jumps by 5 K, which the rest cannot foretell."""
-    from thermofast.discovery.loop import LoopTask, ready
     from thermofast.models.joint import fit_model
     from thermofast.models.search.heldout import held_out_errors
+    from thermofast.observing.task import LoopTask, ready
 
     time, reading = law(200.0, noise=0.02)
     reading[len(time) * 7 // 8 :] += 5.0
@@ -625,9 +625,9 @@ def test_mpi_that_somebody_else_has_loaded_hands_nothing_out(monkeypatch):
 
 
 def test_effects_of_which_no_sensor_is_known_are_not_judged():
-    from thermofast.discovery.loop import LoopTask
-    from thermofast.machine.foretold import _told
+    from thermofast.learning.foretold import _told
     from thermofast.models.imperfection import Past
+    from thermofast.observing.task import LoopTask
 
     time, reading = law(100.0)
     assert _told(LoopTask(tf.read({"time_min": time, "a": reading})), 50.0, Past({}), True) == {}

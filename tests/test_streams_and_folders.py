@@ -130,7 +130,9 @@ def test_the_top_of_a_page_states_no_row_that_is_in_doubt():
     rows = [r.as_dict() for r in result]
     told = verdict_of(result, rows)
     assert told[0].startswith("T1 settles highest of those that are sure")
-    assert told[1] == "In doubt or not determined: T4; the table says why."
+    assert told[1] == "In doubt or not determined: T4."
+    assert told[2].startswith("T4: ")
+    assert told[2][4:-1].lower() == rows[3]["message"].lower()
     assert any("T4 goes farthest beyond the limit of 28 degC" in s and "above 99.9 %, which is in doubt" in s for s in told)
 
 

@@ -6,10 +6,10 @@ import pytest
 
 import thermofast as tf
 from benchmarks.analysis.thermal_constants import driven
-from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.greybox import Key, Model, Part
 from thermofast.models.joint import RATE, start_values
+from thermofast.observing.observe import observe
 
 STEP, COUNT = 0.5, 400
 TIME = STEP * np.arange(COUNT)

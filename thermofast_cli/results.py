@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, overload
 
 from .errors import UsageError
-from .output.columns import Records, told_more
 from .reading import Run, columns_named, told
 from .reading.run import layout
 from .records import (
@@ -27,6 +26,7 @@ from .records import (
     SweepRecord,
     ValidateRecord,
 )
+from .records.columns import Records, told_more
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -21,14 +21,14 @@ import numpy as np
 import thermofast as tf
 from benchmarks.machines import outside
 from benchmarks.machines.record import EFFECTS, Machine
-from thermofast.discovery.loop import ahead_errors
-from thermofast.discovery.observe import observe
 from thermofast.machine.learnt import carry
 from thermofast.machine.modelfile import model_file
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import Fit
 from thermofast.models.search.discover import discover
 from thermofast.models.search.rules import RULES
+from thermofast.observing.observe import observe
+from thermofast.observing.task import ahead_errors
 from thermofast.reading import Run
 
 #: What every machine holds a little of: naming it is not wrong.

@@ -17,11 +17,11 @@ import numpy as np
 
 import thermofast as tf
 from tests.machines import EFFECTS, Case, _record, draw
-from thermofast.discovery.observe import observe
 from thermofast.experiments.next_experiment import LEAST, SEEN_RISE, Experiment, causes, next_experiments, planned, possible, rises
 from thermofast.models import Observations
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.search.discover import discover, discover_together
+from thermofast.observing.observe import observe
 
 SAID = {True: "settled", False: "not settled", None: "none proposed"}
 CATALOGUE = [effect() for effect in BUILT_IN]

@@ -25,14 +25,14 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from machines import EFFECTS, OUTSIDE, Case, draw, second_run
 
-from thermofast.discovery.loop import ahead_errors
-from thermofast.discovery.observe import observe
 from thermofast.machine.learnt import carry
 from thermofast.machine.modelfile import model_file
 from thermofast.models.effects import BUILT_IN, Choice
 from thermofast.models.joint import LEVEL, RATE, START, Fit, Part, fit_model
 from thermofast.models.search.discover import discover
 from thermofast.models.search.heldout import held_out_errors
+from thermofast.observing.observe import observe
+from thermofast.observing.task import ahead_errors
 from thermofast.reading import Run
 
 KIND = {kind.id: kind for kind in BUILT_IN}

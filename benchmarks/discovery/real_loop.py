@@ -8,13 +8,13 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import sys
 from pathlib import Path
 
-from thermofast.discovery.loop import pooled
-from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import Fit, fit_model
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import discover
 from thermofast.models.search.heldout import held_out_errors
+from thermofast.observing.observe import observe
+from thermofast.observing.task import pooled
 from thermofast.reading import Options, read_runs
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"

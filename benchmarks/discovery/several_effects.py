@@ -15,9 +15,9 @@ import numpy as np
 from benchmarks.discovery.dominant import with_rule
 from benchmarks.discovery.proof import as_run
 from tests.machines import EFFECTS, draw
-from thermofast.discovery.observe import observe
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.search.discover import discover
+from thermofast.observing.observe import observe
 
 
 def judge(job: tuple[int, int]) -> tuple[int, frozenset[str], frozenset[str], list[frozenset[str]], float]:

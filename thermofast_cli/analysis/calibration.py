@@ -19,7 +19,7 @@ from ..estimation.identify import identify_sensors
 from ..estimation.measured import moved_by_room
 from ..estimation.request import Method, Question
 from ..estimation.sensor import Signals
-from ..machine.foretold import OUTSIDE
+from ..learning.foretold import OUTSIDE
 from ..records import CalibrateRecord, IdentifyRecord
 from ..workers.engine import Started
 

@@ -12,8 +12,8 @@ import numpy as np
 from thermofast.models import Observations
 from thermofast.models.uncertainty.unknown_heat import POWERS, Follows
 
-from ..discovery.loop import LoopTask, first_model, ready
 from ..errors import UsageError
+from ..observing.task import LoopTask, first_model, ready
 from ..output.files import check_target, write_text_whole
 from ..plugins.effects import load_effect
 from ..reading import Run

@@ -20,15 +20,15 @@ from thermofast.models.joint import RATE, Fit
 from thermofast.models.uncertainty.chaos import Chaos, design, fit_chaos, to_uniform
 from thermofast.models.uncertainty.reliability import first_order, monte_carlo
 
-from ..discovery.loop import LoopTask, failure_records, in_order, ready, refused_records
 from ..errors import ThermofastError
 from ..estimation.closing import estimate_at, track_of
 from ..estimation.estimate import Estimate, FilterError
 from ..estimation.request import Method
 from ..estimation.sensor import Sensor, prepare, refusal
+from ..learning.settle import reference_of, settling_point
 from ..machine.learnt import carry
 from ..machine.modelfile import ModelFile
-from ..machine.settle import reference_of, settling_point
+from ..observing.task import LoopTask, failure_records, in_order, ready, refused_records
 from ..records import SensitivityRecord
 
 Array = NDArray[np.float64]

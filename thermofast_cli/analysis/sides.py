@@ -13,11 +13,11 @@ from thermofast.models.search.judge import widening
 from thermofast.models.search.logged import follows_machine
 from thermofast.models.uncertainty.changes import LOGGED_DRIFT, WARM, Begun, RunNumbers, without_room
 
-from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import UsageError
 from ..machine.learnt import as_learnt, first_readings
 from ..machine.model import Model
 from ..machine.modelfile import refuse_copies
+from ..observing.observe import FEWEST_READINGS, observe
 from ..workers.engine import Started
 
 Array = NDArray[np.float64]

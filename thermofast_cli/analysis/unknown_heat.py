@@ -15,11 +15,11 @@ from thermofast.models.uncertainty.lump_heat import Lump, UnknownHeat, following
 from thermofast.models.uncertainty.unknown_heat import NEARLY, RULES, Follows, claims, moments, with_lag
 
 from ..errors import rounded
-from ..machine.rise import free_runs
+from ..learning.rise import free_runs
 from .power import Constants, unit_watts
 
 if TYPE_CHECKING:
-    from ..discovery.loop import LoopTask
+    from ..observing.task import LoopTask
 
 #: The logarithm of a rate is known no better than this, and a worse one is told as this.
 LEAST_DEVIATION, MOST_DEVIATION = 0.03, 0.7

@@ -19,11 +19,10 @@ from thermofast.models.joint import RATE, Fit
 from thermofast.models.noise.area_metric import FEWEST, area_metric_interval, area_outside, enough, response_bounds
 from thermofast.models.noise.residual_noise import fit_arma, long_run_factor
 
-from ..discovery.compare import curve_shifts
-from ..discovery.loop import LoopTask, failure_records, ready, refused_records
 from ..errors import ThermofastError
 from ..machine.learnt import carry
 from ..machine.modelfile import ModelFile
+from ..observing.task import LoopTask, curve_shifts, failure_records, ready, refused_records
 from ..records import ValidateRecord
 
 Array = NDArray[np.float64]

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Observations
-from thermofast.models.greybox import Model
-from thermofast.models.joint import LEVEL, RATE, Fit
+from thermofast.models.joint import RATE, Fit
 from thermofast.models.noise.area_metric import FEWEST, enough, record_area_metric
 from thermofast.models.search.heldout import held_out_errors
 from thermofast.models.search.judge import rounded_residual, sensor_p_values, widening
@@ -23,9 +22,21 @@ from ..analysis.power import Constants, thermal_constants, unit_watts
 from ..analysis.unknown_heat import NO_COLUMN, NO_WATTS, OWN_RATE, NeededHeat, heat_rows, in_words, needed_of, of_effects
 from ..errors import ThermofastError
 from ..errors import rounded as rounded_number
+from ..observing.task import (
+    LoopTask,
+    Ready,
+    ahead_errors,
+    curve_ahead,
+    curve_shifts,
+    failure_records,
+    first_model,
+    ids_of,
+    in_order,
+    ready,
+    refused_records,
+)
 from ..records import CompareRecord, finite
 from .colour import Colour, colour_of
-from .loop import LoopTask, Ready, ahead_errors, curve_ahead, failure_records, first_model, ids_of, in_order, ready, refused_records
 from .stretches import failing_stretches, steps_near
 
 Array = NDArray[np.float64]
@@ -316,29 +327,6 @@ def curve_bounds(fit: Fit, ranges: dict[str, float]) -> tuple[Array, Array]:
         for shift in curve_shifts(fit, {name: reach}, (-1.0, -0.5, 0.5, 1.0)):
             low, high = np.minimum(low, fit.curve + shift), np.maximum(high, fit.curve + shift)
     return low, high
-
-
-def curve_shifts(fit: Fit, ranges: dict[str, float], shares: Sequence[float]) -> list[Array]:
-    """What is added to the curves (S, N) [K] where the logged inputs named lie by such shares of their range beside their log."""
-    run = fit.run
-    if not ranges:
-        return [np.zeros_like(fit.curve) for _ in shares]
-    shifts = []
-    for share in shares:
-        moved = replace(
-            run,
-            ambient={n: c + share * ranges.get(n, 0.0) for n, c in run.ambient.items()},
-            inputs={n: c + share * ranges.get(n, 0.0) for n, c in run.inputs.items()},
-        )
-        shared = np.broadcast_to(fit.shared, (run.sensors, len(fit.shared)))
-        model = Model(moved, fit.model.parts)
-        local = fit.local.copy()
-        # The heating is what it was: surroundings that are warmer make the machine warmer.
-        local[:, model.column(LEVEL)] += (
-            model.sink_guess - fit.model.sink_guess if run.sink_c is not None and fit.model.parts else 0.0
-        )
-        shifts.append(model.forward(local, shared, np.arange(run.sensors)) - fit.curve)
-    return shifts
 
 
 def _area(whole: Observations, fit: Fit, curve: Array, low: Array, high: Array, i: int) -> float:

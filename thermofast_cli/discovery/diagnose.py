@@ -19,10 +19,7 @@ from thermofast.models.uncertainty.disturbed import disturbed_deviations
 from ..errors import ThermofastError, in_one_line
 from ..experiments.next_experiment import Experiment, causes, experiment_words, next_experiments
 from ..machine.modelfile import refuse_copies
-from ..plugins.effects import chosen_effects
-from ..plugins.guard import PluginError
-from ..records import DiagnoseRecord, finite
-from .loop import (
+from ..observing.task import (
     LoopTask,
     Ready,
     ahead_errors,
@@ -36,6 +33,9 @@ from .loop import (
     ready,
     refused_records,
 )
+from ..plugins.effects import chosen_effects
+from ..plugins.guard import PluginError
+from ..records import DiagnoseRecord, finite
 from .remains import explained, shares
 from .several import OneOf, common_runs, ready_runs, two_machines, unnamed
 from .wording import ROOMS, fails_beyond, not_borne_out, rivals, room_instead, unlogged_room, words

@@ -17,12 +17,10 @@ from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError
+from ..learning.past import learnt_past, run_learnt_from
 from ..machine.modelfile import ModelFile, model_file
-from ..machine.past import learnt_past, run_learnt_from
-from ..plugins.effects import chosen_effects, load_effect
-from ..records import ImproveRecord, finite
-from .diagnose import search_run, verdict_of
-from .loop import (
+from ..observing.observe import Observed
+from ..observing.task import (
     LoopTask,
     Ready,
     ahead_errors,
@@ -36,7 +34,9 @@ from .loop import (
     ready,
     refused_records,
 )
-from .observe import Observed
+from ..plugins.effects import chosen_effects, load_effect
+from ..records import ImproveRecord, finite
+from .diagnose import search_run, verdict_of
 from .remains import remaining_words
 from .wording import ROOMS, unlogged_room, words
 

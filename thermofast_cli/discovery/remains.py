@@ -10,8 +10,8 @@ from thermofast.models.search.dominant import misfit, misfit_power
 from thermofast.models.swing import swing_of
 
 from ..errors import listed, rounded
+from ..observing.task import pooled
 from ..records import finite
-from .loop import pooled
 
 #: A sensor holds what remains where this share of it is its own, a stretch where it is in a fifth of the record.
 ALONE = 0.7

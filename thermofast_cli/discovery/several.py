@@ -12,8 +12,8 @@ from thermofast.models.joint import RATE, Fit
 from thermofast.models.search.discover import Discovery
 
 from ..errors import ThermofastError, UsageError, rounded
+from ..observing.task import LoopTask, Ready, failure_records, ready, refused_records
 from ..records import Record
-from .loop import LoopTask, Ready, failure_records, ready, refused_records
 
 Array = NDArray[np.float64]
 

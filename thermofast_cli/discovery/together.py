@@ -19,15 +19,15 @@ from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.pooled import Pooled, fit_known, fit_together, pool
 
 from ..errors import rounded
-from ..machine.foretold import from_first_part
+from ..learning.foretold import from_first_part
+from ..learning.past import learnt_past, run_learnt_from
+from ..learning.rise import free_runs
 from ..machine.modelfile import learnt_from, model_file, past_entry, refuse_copies
-from ..machine.past import learnt_past, run_learnt_from
-from ..machine.rise import free_runs
+from ..observing.task import LoopTask, ahead_errors, as_told, check_inputs, ids_of, parameters_of, pooled
 from ..plugins.effects import chosen_effects, load_effect
 from ..records import ImproveRecord, finite
 from .diagnose import search_run, search_together
 from .improve import Improved, or_else, status_of
-from .loop import LoopTask, ahead_errors, as_told, check_inputs, ids_of, parameters_of, pooled
 from .several import OneOf, common_runs, ready_runs
 from .wording import rivals
 

@@ -18,8 +18,8 @@ from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.disturbed import disturbed_deviations
 
 from ..errors import rounded
-from ..machine.rise import free_runs
-from .loop import as_told, pooled, unseen_delay
+from ..learning.rise import free_runs
+from ..observing.task import as_told, pooled, unseen_delay
 from .remains import cycle_of, remaining_words, shares
 from .several import TWO_MACHINES
 from .stretches import steps_near

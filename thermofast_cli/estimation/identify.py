@@ -14,8 +14,8 @@ from thermofast.models import spike_weights
 from thermofast.models.imperfection import room_at_end
 from thermofast.models.search.logged import follows_machine
 
-from ..output.columns import Column, Records, Same, numbers_of
 from ..records import IdentifyRecord
+from ..records.columns import Column, Records, Same, numbers_of
 from ..standards.stopping import Trips, columns_of, trips_of
 from .closing import estimates_of, track_of, tracks_of, tracks_together
 from .curves import Curves, curves_of, drawn_to, trace_columns

@@ -14,9 +14,9 @@ from thermofast.models.observations import up_to
 from thermofast.models.standards import Criterion
 
 from ..errors import rounded
-from ..output.columns import Column, Records, Same
 from ..reading import Run
 from ..records import IdentifyRecord, SweepRecord
+from ..records.columns import Column, Records, Same
 from ..standards.stopping import FEWEST, Rule, seen_trips
 from .closing import (
     Progress,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .columns import Column, Records, Same
+from ..records.columns import Column, Records, Same
 from .text import Row, plain
 
 #: Types of the columns, as their annotations tell them, an absent value aside; what is nested deeper is JSON text.

@@ -181,7 +181,7 @@ def plan_design(
     from statistics import median
 
     from ..experiments.planning import Design, plan
-    from ..machine.past import past_of_model, rises_of_model
+    from ..learning.past import past_of_model, rises_of_model
 
     known = [f.name for f in fields(Design) if f.name != "rises_c"]
     for name, value in given.items():

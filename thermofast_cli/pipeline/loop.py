@@ -7,11 +7,11 @@ from ..analysis.effect_file import EffectFile, check_effect_runs, write_effect
 from ..discovery.compare import compare_lost, compare_task
 from ..discovery.diagnose import diagnose_lost, diagnose_task, diagnose_together
 from ..discovery.improve import improve_lost, improve_task
-from ..discovery.loop import LoopTask, check_drive, drive_of
 from ..discovery.together import improve_together
 from ..errors import UsageError
 from ..machine.learnt import check_effects
 from ..machine.model import Model
+from ..observing.task import LoopTask, check_drive, drive_of
 from ..plugins.effects import chosen_effects
 from ..reading.headings.called import column_named
 from ..reading.headings.names import named_as

@@ -16,11 +16,11 @@ from ..estimation.imperfect import GROUP, NOT_FOLLOWED
 from ..estimation.request import Method, Question
 from ..estimation.sensor import Signals
 from ..estimation.sweep import SweptBlock, with_trips
-from ..machine.jumps import jumps_after, uncounted
-from ..output.columns import Records
+from ..learning.jumps import jumps_after, uncounted
 from ..reading.headings.names import named_as
 from ..reading.run import Run, ends_before, said_short, stretch
 from ..records import IdentifyRecord, SweepRecord
+from ..records.columns import Records
 from ..results import Identification, Sweeping
 from ..standards.stopping import Rule, with_last, with_limit
 from ..standards.switching_off import after_switch_off, with_switch_off
@@ -29,8 +29,8 @@ from .request import Request, check_closes
 from .tasks import IdentifyTask, SweepTask, identify_lost, identify_task, sweep_lost, sweep_task, together
 
 if TYPE_CHECKING:
+    from ..learning.past import Knowledge
     from ..machine.model import Model
-    from ..machine.past import Knowledge
 
 
 def long_enough(started: Sequence[Started], until_min: float | None) -> tuple[list[Started], list[Started]]:
@@ -223,7 +223,7 @@ def _counting_without(
 
 def _known(started: Sequence[Started], request: Request, how: Work) -> tuple[dict[str, "Knowledge"], bool]:
     """What is known of each run's machine beforehand, by run, and whether the work was broken off."""
-    from ..machine.past import knowledge, knowledge_lost
+    from ..learning.past import knowledge, knowledge_lost
     from .loop import loop_tasks
 
     asked = request.model, request.drive, request.auto
@@ -288,7 +288,7 @@ def sweep_runs(
                 do=f"say --windows with none above {length:.4g}, or leave the record out",
             )
     if model is not None or drive is not None:
-        from ..machine.settle import sweep_model_lost, sweep_with_model
+        from ..learning.settle import sweep_model_lost, sweep_with_model
         from .loop import loop_tasks
 
         doing = partial(sweep_with_model, method=method, windows=windows_min, times=times_min, tolerance_c=tolerance_c)

@@ -63,7 +63,7 @@ def events_before(started: Started, minute: float) -> bool:
     from thermofast.models.joint import Key  # the search takes longer to load than a look takes
     from thermofast.models.search.discover import discover
 
-    from ..discovery.loop import ready
+    from ..observing.task import ready
     from ..plugins.effects import chosen_effects
     from .loop import loop_tasks
 

@@ -2,17 +2,19 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ...displacements.report import Panel
 from .plots import MARK, MEASURED, MODEL, new_figure, styled
+
+if TYPE_CHECKING:
+    from ...displacements.report import Panel
 
 MOST = 6
 COLOURS = {"least squares": MODEL, "network": MARK, "arx": "#4a7c59", "network by minute": "#8d6cab", "neural network": "#b5892e"}
 
 
 @styled
-def draw_displacement(panels: Sequence[Panel]) -> Any:
+def draw_displacement(panels: "Sequence[Panel]") -> Any:
     """A panel for each displacement: what was measured, and what each model says of blocks that it had not seen."""
     shown = panels[:MOST]
     if not shown:

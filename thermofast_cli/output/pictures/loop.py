@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...discovery.compare import Panel
-from ...discovery.improve import Improved
 from .plots import LINES, MARK, MEASURED, MODEL, new_figure, styled
+
+if TYPE_CHECKING:
+    from ...discovery.compare import Panel
+    from ...discovery.improve import Improved
 
 MOST = 6
 FAILING = "#fbbf24"
@@ -29,7 +31,7 @@ class Band:
 
 
 @styled
-def draw_comparison(panels: Sequence[Panel]) -> Any:
+def draw_comparison(panels: "Sequence[Panel]") -> Any:
     """Per sensor: measurement and model above, residual below with failing stretches shaded, inputs in a strip under it."""
     if not panels:
         return None
@@ -68,7 +70,7 @@ def _legend(figure: Any, axes: Any) -> None:
     figure.legend(list(named.values()), list(named), loc="outside upper right", ncols=len(named))
 
 
-def _panel(column: list[Any], p: Panel) -> None:
+def _panel(column: list[Any], p: "Panel") -> None:
     top, low = column
     top.plot(p.time, p.reading, ".", ms=2.2, color=MEASURED, label="measured")
     top.plot(p.time, p.model, color=MODEL, lw=1.3, label="model")
@@ -87,7 +89,7 @@ def _panel(column: list[Any], p: Panel) -> None:
     low.tick_params(labelbottom=True)
 
 
-def _bands(shown: Sequence[Panel]) -> list[Band]:
+def _bands(shown: "Sequence[Panel]") -> list[Band]:
     """The unknown heat of each sensor: in W where that is known of all of them, else in K/min."""
     known = [p for p in shown if p.heat is not None]
     if known and all(p.in_watts is not None for p in known):
@@ -118,7 +120,7 @@ def _inputs(figure: Any, time: Any, inputs: dict[str, Any], heats: Sequence[Band
 
 
 @styled
-def draw_staircase(runs: Sequence[Improved]) -> Any:
+def draw_staircase(runs: "Sequence[Improved]") -> Any:
     """Error of each step, fitted and ahead, one line per sensor, the noise beneath."""
     shown = [r for r in runs if r.labels][:MOST]
     if not shown:

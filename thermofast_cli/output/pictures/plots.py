@@ -5,16 +5,18 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import cache, wraps
 from pathlib import Path
-from typing import Any, ParamSpec
+from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
 from ...errors import UsageError
-from ...estimation.curves import Curves
-from ...estimation.sweep import Swept
 from ..files import check_target
 from ..report.charts import STROKES
 from ..whole import write_whole
+
+if TYPE_CHECKING:
+    from ...estimation.curves import Curves
+    from ...estimation.sweep import Swept
 
 P = ParamSpec("P")
 
@@ -144,7 +146,7 @@ def _figure(panels: int, columns: int, width: float, height: float) -> tuple[Any
 
 
 @styled
-def draw_prediction(curves: Sequence[Curves], with_trace: bool = False) -> Any:
+def draw_prediction(curves: "Sequence[Curves]", with_trace: bool = False) -> Any:
     """One panel per sensor: measurement, model, 95 % band, identification time; beside it, on request, rate and T_inf."""
     shown = curves[:MOST_PANELS]
     if not shown:
@@ -169,7 +171,7 @@ def draw_prediction(curves: Sequence[Curves], with_trace: bool = False) -> Any:
     return figure
 
 
-def _prediction(axis: Any, c: Curves, title: str) -> None:
+def _prediction(axis: Any, c: "Curves", title: str) -> None:
     step = max(1, len(c.time) // MOST_POINTS)
     axis.plot(c.time[::step], c.reading[::step], ".", ms=2.5, color=MEASURED, label="measured")
     axis.fill_between(c.model_time, c.band_low, c.band_high, color=MODEL, alpha=0.18, lw=0, label="95 % band")
@@ -193,7 +195,7 @@ def _prediction(axis: Any, c: Curves, title: str) -> None:
     axis.set_ylabel("temperature, °C")
 
 
-def _converging(axis: Any, c: Curves, value: str, deviation: str, label: str) -> None:
+def _converging(axis: Any, c: "Curves", value: str, deviation: str, label: str) -> None:
     time, mean, spread = c.trace["time_min"], c.trace[value], 1.96 * c.trace[deviation]
     good = np.isfinite(mean) & np.isfinite(spread)
     if good.any():
@@ -207,7 +209,7 @@ def _converging(axis: Any, c: Curves, value: str, deviation: str, label: str) ->
 
 
 @styled
-def draw_sweep(results: Sequence[Swept]) -> Any:
+def draw_sweep(results: "Sequence[Swept]") -> Any:
     """RMSE against identification time, one curve per window, one panel per sensor; the paper's figure 6."""
     shown = [r for r in results if np.isfinite(r.rmse).any()][:MOST_PANELS]
     if not shown:

@@ -2,7 +2,7 @@
 
 import math
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from thermofast.models import Observations
 from thermofast.models.effects.base import Effect
-from thermofast.models.joint import RATE, UNTIL_AT_REST, Fit, Key, Part, fit_model, search, settled
+from thermofast.models.greybox import Model as Greybox
+from thermofast.models.joint import LEVEL, RATE, UNTIL_AT_REST, Fit, Key, Part, fit_model, search, settled
 from thermofast.models.search.heldout import predicted
 from thermofast.models.search.rules import RULES
 
@@ -281,6 +282,29 @@ def pooled(errors: Any) -> float:
 def curve_ahead(fit: Fit) -> Array:
     """The model (S, N) [degC], after the last reading used without a neighbour's readings either."""
     return predicted(fit, np.arange(len(fit.run.time)) > fit.run.last)
+
+
+def curve_shifts(fit: Fit, ranges: dict[str, float], shares: Sequence[float]) -> list[Array]:
+    """What is added to the curves (S, N) [K] where the logged inputs named lie by such shares of their range beside their log."""
+    run = fit.run
+    if not ranges:
+        return [np.zeros_like(fit.curve) for _ in shares]
+    shifts = []
+    for share in shares:
+        moved = replace(
+            run,
+            ambient={n: c + share * ranges.get(n, 0.0) for n, c in run.ambient.items()},
+            inputs={n: c + share * ranges.get(n, 0.0) for n, c in run.inputs.items()},
+        )
+        shared = np.broadcast_to(fit.shared, (run.sensors, len(fit.shared)))
+        model = Greybox(moved, fit.model.parts)
+        local = fit.local.copy()
+        # The heating is what it was: surroundings that are warmer make the machine warmer.
+        local[:, model.column(LEVEL)] += (
+            model.sink_guess - fit.model.sink_guess if run.sink_c is not None and fit.model.parts else 0.0
+        )
+        shifts.append(model.forward(local, shared, np.arange(run.sensors)) - fit.curve)
+    return shifts
 
 
 def ahead_errors(fit: Fit, whole: Observations) -> Array:

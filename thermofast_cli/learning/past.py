@@ -36,15 +36,15 @@ from thermofast.models.search.logged import follows_machine
 from thermofast.models.search.mutual import both_ways
 from thermofast.models.search.rules import RULES
 
-from ..discovery.loop import LoopTask, Ready, ids_of, ready
-from ..discovery.observe import FEWEST_READINGS, observe
 from ..errors import ThermofastError, UsageError, in_one_line, listed, rounded
+from ..machine.learnt import carry, changed_files, check_effects, without_neighbours
+from ..machine.model import Model
+from ..machine.modelfile import ModelFile, past_of
+from ..observing.observe import FEWEST_READINGS, observe
+from ..observing.task import LoopTask, Ready, ids_of, ready
 from ..plugins.effects import chosen_effects
 from ..plugins.guard import failed_status
 from .jumps import cycles, last_change, longest_stay, stays
-from .learnt import carry, changed_files, check_effects, without_neighbours
-from .model import Model
-from .modelfile import ModelFile, past_of
 from .rise import rises_of
 
 #: Rates outside these over the record's length say nothing of the machine.

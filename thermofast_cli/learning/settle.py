@@ -11,16 +11,16 @@ from thermofast.models.observations import up_to
 from thermofast.models.search.judge import sensor_p_values
 from thermofast.models.search.rules import RULES
 
-from ..discovery.loop import LoopTask, ready
 from ..errors import ThermofastError
 from ..estimation.identify import identify_sensors
 from ..estimation.imperfect import NOT_FOLLOWED
 from ..estimation.request import Method, Question
 from ..estimation.sensor import Signals
 from ..estimation.sweep import Swept, sweep_records, sweep_sensors
+from ..machine.learnt import carry
+from ..observing.task import LoopTask, ready
 from ..plugins.guard import failed_status
 from ..records import JOINT_FIT, SweepRecord
-from .learnt import carry
 from .past import followers, knowledge
 from .rise import HORIZON, free_run, lasting, slowest, together
 

@@ -9,12 +9,12 @@ from thermofast.filters import Afukf
 from thermofast.models import Lump
 from thermofast.models.imperfection import TYPICAL, Past, PastRun, learn_past
 
-from ..discovery.loop import LoopTask
 from ..estimation.identify import identify_sensors
 from ..estimation.request import Method, Question
 from ..estimation.sensor import Signals
-from .model import Model
-from .modelfile import ModelFile
+from ..machine.model import Model
+from ..machine.modelfile import ModelFile
+from ..observing.task import LoopTask
 from .past import knowledge
 
 #: When a run is read, in time constants, and the share of it up to which that may be.

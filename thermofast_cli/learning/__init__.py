@@ -1,0 +1,1 @@
+"""What past runs of a machine say of the run at hand."""
