@@ -17,7 +17,8 @@ ROUNDS, AT_REST, LEAST_RISE = 400, 1e-6, 1e-3
 def relaxed(curves: Array, forward: Callable[[Array], Array], free: NDArray[np.bool_] | None = None) -> Array:
     """Curves (S, N) that `forward` gives back as they are at the readings `free` (N,), all by default; the others stay.
 
-    forward: curves (S, N) of all sensors, each beside those given of the others.
+    forward: curves (S, N) of all sensors, each beside those given of the others. Of sensors that warm each other without end the
+    curves are not finite.
     """
     found = np.array(curves, dtype=float)
     size = np.maximum(np.ptp(found, axis=1), LEAST_RISE)
@@ -25,8 +26,7 @@ def relaxed(curves: Array, forward: Callable[[Array], Array], free: NDArray[np.b
         after = forward(found)
         if free is not None:
             after = np.where(free, after, found)
-        moved = np.abs(after - found).max(axis=1, initial=0.0)
-        found = after
-        if np.all(moved <= AT_REST * size):
+        before, found = found, after
+        if not np.isfinite(found).all() or np.all(np.abs(found - before).max(axis=1, initial=0.0) <= AT_REST * size):
             break
     return found

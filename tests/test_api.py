@@ -481,3 +481,13 @@ def test_runs_and_simulated_records_show_themselves():
     assert "&lt;b&gt;T1&lt;/b&gt; temp</td><td>sensor</td><td>20</td><td>27.68</td><td>0" in shown
     assert "<b>" not in shown
     assert "hidden: sensor_lag" in tf.simulate(effects=["sensor_lag"], sensors=2)._repr_html_()
+
+
+def test_a_record_that_ends_just_before_the_identification_time_is_read_to_its_end():
+    """By less than half of what lies between two readings, as of a logger that is no clock; by more it is refused."""
+    time = np.arange(0.0, 30.0, 0.5)
+    reading = 20.0 + 8.0 * -np.expm1(-time / 15.0) + 0.02 * np.random.default_rng(0).standard_normal(60)
+    late = np.r_[time[:-1], 29.9]
+    assert tf.identify({"time_min": late, "T1": reading}, until=30.0)["T1"].samples == 60
+    with pytest.raises(tf.ThermofastError, match="longer than the record"):
+        tf.identify({"time_min": time, "T1": reading}, until=30.0)

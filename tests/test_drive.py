@@ -248,3 +248,23 @@ def test_a_load_in_stages_begins_where_its_readings_do_and_is_not_done_before_th
         assert row.initial_c == pytest.approx(reading[0], abs=1e-9)
         if float(np.median(reading[-21:])) < row.initial_c + 0.95 * (row.steady_state_c - row.initial_c):
             assert row.t95_min >= time[-1] - 0.5
+
+
+def test_a_drive_is_named_beside_its_model_as_without_one():
+    """By its name before the unit, as the command that learnt the model took it; another column is refused."""
+    time, rng = np.arange(0.0, 240.0), np.random.default_rng(0)
+    speed = np.where(time < 100.0, 3000.0, 4500.0)
+    reading = 20.0 + 8.0 * -np.expm1(-time / 40.0) + 4.0 * -np.expm1(-np.maximum(time - 100.0, 0.0) / 40.0)
+    table = {
+        "time_min": time,
+        "T1 [degC]": reading + 0.02 * rng.standard_normal(240),
+        "speed [rpm]": speed,
+        "flow [l/min]": 1.0 + time,
+    }
+    run = tf.read(table, inputs=["speed", "flow"])
+    model = tf.improve(run, drive="speed").model
+    assert model.drive == "speed [rpm]"
+    bare, whole = (tf.compare(run, model=model, drive=name).records for name in ("speed", "speed [rpm]"))
+    assert bare == whole
+    with pytest.raises(tf.UsageError, match="is not what the model was learnt with"):
+        tf.compare(run, model=model, drive="flow")

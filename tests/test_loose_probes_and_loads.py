@@ -5,6 +5,7 @@ import pytest
 
 import thermofast as tf
 from thermofast.errors import InputError
+from thermofast.models.noise.chain import slipped
 
 MINUTES = np.arange(40.0)
 FRONT = np.round(20.0 + 8.0 * -np.expm1(-MINUTES / 25.0), 2)
@@ -301,3 +302,77 @@ def test_two_probes_that_were_exchanged_are_both_told():
         assert told[name].status == "model_doubtful"
         assert "the readings jump at 80 min, as no machine does" in told[name].message
     assert "jump" not in told["other"].message
+
+
+def _slip(lag: float, by: float = -2.5, at: float = 45.0) -> tuple[np.ndarray, np.ndarray]:
+    """(time, four sensors of a machine): the second one's probe slips, through its own lag [min]."""
+    time, rng = np.arange(0.0, 120.0, 0.5), np.random.default_rng(3)
+    clean = 20.0 + np.array([12.0, 10.0, 8.0, 6.0])[:, None] * -np.expm1(-time / np.array([40.0, 50.0, 60.0, 80.0])[:, None])
+    since = np.maximum(time - at, 0.0)
+    clean[1] += by * (-np.expm1(-since / lag) if lag else (since > 0.0))
+    return time, clean + 0.02 * rng.standard_normal(clean.shape)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.3, 1.0, 1.5])
+def test_a_probe_that_slips_through_its_own_lag_is_found(lag):
+    when, by = slipped(*_slip(lag))
+    assert np.isnan(when[[0, 2, 3]]).all()
+    assert when[1] == pytest.approx(45.0 + lag, abs=2.0)
+    assert by[1] == pytest.approx(-2.5, abs=0.25)
+
+
+def test_what_a_machine_does_is_no_slip():
+    """A load that steps bends all curves; a part that is quick shows it when the record begins; what others do is no probe's."""
+    time, reading = _slip(0.3)
+    kept = reading.copy()
+    for i in (0, 2):  # another sensor does the same at that moment
+        other = reading.copy()
+        other[i] = reading[i] + np.where(time > 45.0, -1.0, 0.0)
+        assert np.isnan(slipped(time, other)[0][1])
+    gap = (time < 43.0) | (time > 52.0)  # nobody read when it happened
+    assert np.isnan(slipped(time[gap], kept[:, gap])[0]).all()
+    assert np.isnan(slipped(time[:23], kept[:, :23])[0]).all()
+    since = np.maximum(time - 45.0, 0.0)
+    bend = np.array([1.0, 0.8, 0.6, 0.5])[:, None] * 5.0 * -np.expm1(-since / 40.0)
+    assert np.isnan(slipped(time, _slip(0.3, by=0.0)[1] + bend)[0]).all()
+    # A winding: a third of its rise within two minutes, at the start and at a step of its load alone.
+    quick = 20.0 + 8.0 * -np.expm1(-time / 50.0) + 4.0 * -np.expm1(-time / 1.0) + 1.5 * -np.expm1(-since / 1.0)
+    wound = kept.copy()
+    wound[1] = quick + 0.02 * np.random.default_rng(5).standard_normal(len(time))
+    assert np.isnan(slipped(time, wound)[0]).all()
+    late = kept.copy()  # it stands still until then: its rise begins
+    late[1] = 20.0 + 6.0 * -np.expm1(-since / 0.5) + 0.02 * np.random.default_rng(6).standard_normal(len(time))
+    assert np.isnan(slipped(time, late)[0]).all()
+
+
+def test_a_slip_is_one_and_worth_its_name():
+    """Two of a size are what this record does; a hundredth of the way is no matter; a heat of its own comes less suddenly."""
+    time, reading = _slip(0.3)
+    twice = reading.copy()
+    twice[1] += np.where(time > 85.0, 2.0, 0.0)
+    assert np.isnan(slipped(time, twice)[0]).all()
+    rng = np.random.default_rng(7)
+    small = np.array([_slip(0.0, by=0.0)[1][0], 20.0 + 10.0 * -np.expm1(-time / 50.0) + np.where(time > 45.0, 0.1, 0.0)])
+    small[1] += 0.0005 * rng.standard_normal(len(time))
+    assert np.isnan(slipped(time, small)[0]).all()
+    small[1] += np.where(time > 45.0, 0.4, 0.0)
+    assert slipped(time, small)[0][1] == pytest.approx(45.0, abs=2.0)
+    heated = reading.copy()
+    for tau in (4.0, 6.0, 10.0):
+        heated[1] = _slip(0.0, by=0.0)[1][1] + 6.0 * -np.expm1(-np.maximum(time - 45.0, 0.0) / tau)
+        assert np.isnan(slipped(time, heated)[0]).all()
+    # A winding whose load steps soon after it began, as quickly as it had risen.
+    wound = reading.copy()
+    for later in (6.0, 7.0, 9.0, 12.0):
+        wound[1] = 20.0 + 8.0 * -np.expm1(-time / 50.0) + 0.02 * rng.standard_normal(len(time))
+        wound[1] += 2.0 * -np.expm1(-time / 0.7) + 1.5 * -np.expm1(-np.maximum(time - later, 0.0) / 0.7)
+        assert np.isnan(slipped(time, wound)[0]).all()
+
+
+@pytest.mark.parametrize("lag", [0.3, 1.5])
+def test_the_row_of_a_probe_that_slips_is_doubtful(lag):
+    time, reading = _slip(lag)
+    told = {r.channel: r for r in tf.identify({"time_min": time} | {f"T{i}": row for i, row in enumerate(reading)})}
+    assert told["T1"].status == "model_doubtful"
+    assert "the readings jump at 4" in told["T1"].message
+    assert [told[f"T{i}"].status for i in (0, 2, 3)] == ["ok"] * 3

@@ -23,6 +23,7 @@ from thermofast.models.noise.spectral import block_means
 from thermofast.models.noise.spikes import bridged, difference_noise, exceeds_difference_noise, third_difference_noise
 from thermofast.models.noise.whiteness import pattern_p_value, variance_inflations
 from thermofast.models.observations import held_out_blocks
+from thermofast.models.relaxation import relaxed
 from thermofast.models.search.logged import follows_machine
 from thermofast.models.standards import temperature_at_switch_off
 from thermofast.models.swing import Swing, _count, _fewer, _harmonics
@@ -554,3 +555,18 @@ def test_a_limit_many_times_farther_than_all_that_was_read_is_no_number():
     nan = math.nan
     assert steady == pytest.approx(np.array([[15.0, 25.0, 70.0], [30.0, nan, nan], [nan, 15.0, 18.0]]), nan_ok=True)
     assert t95 == pytest.approx(np.array([[50.0, 100.0, 500.0], [nan, nan, nan], [50.0, 100.0, nan]]), nan_ok=True)
+
+
+def test_sensors_that_warm_each_other_without_end_stop_being_run():
+    """Without a warning, and without a second round of numbers that are none."""
+    rounds = []
+
+    def forward(curves):
+        rounds.append(curves)
+        with np.errstate(over="ignore"):
+            return curves * 1e200
+
+    with np.errstate(all="raise"):
+        found = relaxed(np.ones((2, 3)), forward)
+    assert np.isinf(found).all()
+    assert len(rounds) == 2

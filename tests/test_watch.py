@@ -641,3 +641,19 @@ def test_a_stop_that_no_longer_holds_at_the_end_is_told_as_that(tool, tmp_path):
     assert "you can stop now" in done.err
     assert "what was said of stopping is no longer sure: " in done.err
     assert "ended before" not in done.err
+
+
+def test_a_watch_says_from_when_on_a_stop_is_possible():
+    """Before the sensors are within the tolerance too, once a rate is known; where past runs are known there is no such time."""
+    time = np.arange(0.0, 40.0)
+    run = tf.read({"time_min": time, "T1": np.round(20.0 + 8.0 * -np.expm1(-time / 60.0), 2)})
+    row = IdentifyRecord(
+        "r", "T1", "afukf", steady_state_c=28.0, steady_state_lo_c=26.0, steady_state_hi_c=31.0, rate_per_min=1.0 / 60.0
+    )
+    look = Watch(lambda _run, _start: (row,), 0.5).look(run)
+    assert look.within == (False,)
+    assert look.waits == "; no stop before about 90 min"
+    assert look.words.endswith("no stop before about 90 min")
+    assert Watch(lambda _run, _start: (row,), 0.5, known=True).look(run).waits == ""
+    unknown = replace(row, steady_state_lo_c=None, status="not_determined")
+    assert "not determined yet; no stop before about 90 min" in Watch(lambda _run, _start: (unknown,), 0.5).look(run).words

@@ -104,6 +104,112 @@ def _others_go_on(sensor: int, fell: CameOff, time: Array, reading: Array, used:
     return True
 
 
+#: Blocks of equal length that a record is averaged to where a slip is looked for, at most, and such blocks before and after one.
+BLOCKS, BESIDE = 240, 6
+#: Blocks over which a slip may be spread by the probe's own lag; times the usual length, at which one holds a gap.
+SPREADS, GAP = (1, 2, 4, 8), 2.5
+#: A slip is farther than so many times what the record does anywhere else, and than such a share of what the sensor moved.
+ALONE, WORTH = 3.0, 0.03
+#: How much farther it may be where twice as much about it is left out: a heat that begins goes on, a slip is over.
+GOES_ON = 1.2
+#: Of the slip: what another sensor may do at the same moment, what the sensor may have done where its record begins, by which it
+#: shows parts that are as quick, and what it had moved before, without which it is a rise that begins late.
+ALSO, AT_ONCE, UNDER_WAY = 0.2, 0.5, 0.3
+
+
+def slipped(time: Array, reading: Array) -> tuple[Array, Array]:
+    """When (S,) [min] sensors slip, as a probe does that moves on its place, and by how much (S,) [K]; nan where none does.
+
+    About each moment one line is fitted to what readings (S, N) at time (N,) [min] were before and after, with a level for
+    each side: what a curve does that bends or changes its slope stays out of the difference of the levels. The probe's own lag
+    may spread it, so what was read meanwhile is left out. A part of the machine that is as quick as that shows it where the
+    record begins, and other sensors feel it too.
+    """
+    when, by = np.full((2, len(reading)), np.nan)
+    if len(time) < 4 * BESIDE or len(reading) == 0:
+        return when, by
+    edges = np.unique(np.linspace(0, len(time), min(len(time), BLOCKS) + 1).round().astype(int))[:-1]
+    length = np.diff(np.append(edges, len(time)))
+    at, mean = np.add.reduceat(time, edges) / length, np.add.reduceat(reading, edges, axis=1) / length
+    rows, clearest = np.arange(len(mean)), np.zeros(len(mean))
+    for spread in SPREADS:
+        about, wider = _levels(at, mean, spread), _levels(at, mean, 2 * spread)
+        if about is None or wider is None:
+            break
+        size, place = np.abs(about.level), np.arange(len(about.time))
+        error = 1.4826 * np.median(np.abs(np.diff(about.level, axis=1)), axis=1)
+        # Where the slip is inside a window no line fits there.
+        clear = size / (about.left + error[:, None] + 1e-300)
+        k = clear.argmax(axis=1)
+        far = np.abs(place - k[:, None]) > 2 * BESIDE + spread
+        here = size[rows, k]
+        elsewhere = np.where(far, size, 0.0).max(axis=1)
+        later = np.abs(wider.level[rows, np.clip(np.searchsorted(wider.time, about.time[k]), 0, len(wider.time) - 1)])
+        begun = _begun(at, mean, spread)
+        before = np.abs(mean[rows, k + BESIDE - 1] - mean[:, 0])
+        # Row by sensor, column by whose moment.
+        beside = size[:, np.clip(k[:, None] + np.arange(-spread, spread + 1), 0, len(place) - 1)].max(axis=2)
+        beside[rows, rows] = 0.0
+        others = beside.max(axis=0)
+        least = np.maximum(ALONE * elsewhere, WORTH * np.ptp(mean, axis=1))
+        alone = (
+            (later < GOES_ON * here)
+            & (begun < AT_ONCE * here)
+            & (others < ALSO * here)
+            & (before > UNDER_WAY * here)
+            & far.any(axis=1)
+        )
+        new = alone & (here > least) & (clear[rows, k] > clearest)
+        when[new], by[new], clearest[new] = about.time[k[new]], about.level[rows, k][new], clear[rows, k][new]
+    return when, by
+
+
+class _Levels(NamedTuple):
+    """About each moment time (K,) [min]: by how much what follows is above what was before, beside one slope, level (S, K) [K], and
+    what that line leaves, left (S, K) [K].
+    """
+
+    time: Array
+    level: Array
+    left: Array
+
+
+def _levels(at: Array, mean: Array, spread: int) -> _Levels | None:
+    """Of block means (S, M) at times (M,), BESIDE of them on each side of `spread` that are left out; None of too few."""
+    gone = BESIDE + spread
+    count = len(at) - gone - BESIDE + 1
+    if count < 4:
+        return None
+    whole, y = at - at[0], mean - mean.mean(axis=1, keepdims=True)
+
+    def sums(values: Array) -> tuple[Array, Array]:
+        """(before, after): sums over the BESIDE values on either side."""
+        total = np.concatenate([np.zeros((*values.shape[:-1], 1)), np.cumsum(values, axis=-1)], axis=-1)
+        each = total[..., BESIDE:] - total[..., :-BESIDE]
+        return each[..., :count], each[..., gone : gone + count]
+
+    t_of, tt_of, y_of, ty_of, yy_of = (sums(v) for v in (whole, whole**2, y, whole * y, y**2))
+    along = sum(ty - t * y / BESIDE for t, y, ty in zip(t_of, y_of, ty_of, strict=True))
+    across = sum(tt - t**2 / BESIDE for t, tt in zip(t_of, tt_of, strict=True))
+    squares = sum(yy - y**2 / BESIDE for y, yy in zip(y_of, yy_of, strict=True))
+    slope = along / across
+    level = (y_of[1] - y_of[0] - slope * (t_of[1] - t_of[0])) / BESIDE
+    left = np.sqrt(np.maximum(squares - slope * along, 0.0) / (2 * BESIDE))
+    step = np.diff(at)
+    holes = np.concatenate([[0], np.cumsum(step > GAP * np.median(step))])
+    level[:, holes[gone + BESIDE - 1 : gone + BESIDE - 1 + count] > holes[:count]] = 0.0
+    return _Levels(0.5 * (at[BESIDE - 1 : BESIDE - 1 + count] + at[gone : gone + count]), level, left)
+
+
+def _begun(at: Array, mean: Array, spread: int) -> Array:
+    """What sensors (S,) [K] did where their record (S, M) begins, beyond what they go on with after twice the spread."""
+    after = slice(2 * spread, 2 * spread + BESIDE)
+    t, y = at[after], mean[:, after]
+    slope = (y @ (t - t.mean())) / float((t - t.mean()) @ (t - t.mean()))
+    found: Array = np.abs(y.mean(axis=1) - slope * (t.mean() - at[0]) - mean[:, 0])
+    return found
+
+
 #: How often a column must change for a second one, equal to it in all readings, to be the same sensor: two sensors of a coarse
 #: logger that change less often may be alike by chance.
 CHANGES = 24

@@ -77,7 +77,7 @@ class Look:
         ]
         dead = "".join(silent)
         if len(known) < len(halves):
-            return f"{self.minutes:.4g} min: {count}; {len(halves) - len(known)} not determined yet{dead}"
+            return f"{self.minutes:.4g} min: {count}; {len(halves) - len(known)} not determined yet{self.waits}{dead}"
         widest = max(known, key=lambda c: known[c])
         doubted = [r.channel for r in self.records if r.status == "model_doubtful"]
         doubt = f"; the model is in doubt at {', '.join(doubted[:4])}" if doubted else ""
@@ -144,10 +144,12 @@ class Watch:
         start = min((r.start_min or 0.0 for r in records), default=0.0) if began == 0.0 else 0.0
         long_enough = self.known or (minutes - start) * pace >= TURNS
         waits = ""
+        least = rounded(start + TURNS / pace, 3) if pace > 0.0 else ""
         if within and all(within) and not risen:
             waits = f"; no sensor has moved by {RISEN:g} tolerances yet"
-        elif within and all(within) and not long_enough and pace > 0.0:
-            least = rounded(start + TURNS / pace, 3)
+        elif not all(within) and not long_enough and least:
+            waits = f"; no stop before about {least} min"
+        elif within and all(within) and not long_enough and least:
             waits = (
                 f"; no stop before {TURNS:g} time constants ({least} min), before which no slower part shows; --model, "
                 "or a lab.toml by calibrate, knows it before"

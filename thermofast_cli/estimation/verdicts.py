@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from thermofast.filters import Tracks
 from thermofast.models import difference_noise
 from thermofast.models.imperfection import Past
+from thermofast.models.noise.chain import slipped
 from thermofast.models.uncertainty.companions import DONE
 
 from ..errors import rounded
@@ -247,6 +248,7 @@ def _of_what_came_later(case: _Case) -> list[Reason]:
     """What the run's other sensors, and a sensor's own last readings, say against one said to be quick or to have settled."""
     found, claimed, sensors = case.found, case.claimed, case.sensors
     haste, goes_on, jumped = np.isfinite(claimed.faster), case.goes_on, _jumped(found, sensors)
+    slips = np.isfinite(jumped)
     # Where the point that moved most shows a heat that is not constant, one that is said to have settled has it ahead.
     uneven = (case.unfit | case.swings | case.lawless | goes_on | (case.leave > 0)) & ~claimed.known
     with np.errstate(invalid="ignore"):
@@ -268,14 +270,14 @@ def _of_what_came_later(case: _Case) -> list[Reason]:
         )
 
     def jump(i: int) -> str:
-        return f"the readings jump at {sensors.time[jumped[i]]:.4g} min, as no machine does: a probe that moved, or was exchanged?"
+        return f"the readings jump at {jumped[i]:.4g} min, as no machine does: a probe that moved, or was exchanged?"
 
     ahead = "the point that moved most shows a heat that is not constant, which may still reach this one"
     slow = "a slow second mass may hide that moves the limit out of the interval; measure longer"
     return [
         Reason(haste, quick, haste),
         Reason(goes_on, moves, goes_on),
-        Reason(jumped > 0, jump, jumped > 0),
+        Reason(slips, jump, slips),
         Reason(reaches, lambda _: ahead, reaches),
         Reason(hides, lambda _: slow, hides),
     ]
@@ -375,15 +377,16 @@ def _lawless(found: Estimates, sensors: Sensors) -> NDArray[np.bool_]:
     return far
 
 
-def _jumped(found: Estimates, sensors: Sensors) -> NDArray[np.intp]:
-    """Reading (S,) to which a sensor jumps once, farther than several times any other step, and from which it goes on; 0 for none.
+def _jumped(found: Estimates, sensors: Sensors) -> Array:
+    """When (S,) [min] a sensor jumps once, farther than several times any other step, and goes on from there; nan for none.
 
-    An outlier makes two such steps, a gap none; what jumps at the end may be a change, and is told as one.
+    An outlier makes two such steps, a gap none; what jumps at the end may be a change, and is told as one. A jump that a probe's
+    lag spreads over several readings is a slip.
     """
     used = sensors.time <= found.time
     time, reading = sensors.time[used], sensors.reading[:, used]
     if len(time) < 4 * RULES.last_alone:
-        return np.zeros(len(reading), dtype=np.intp)
+        return np.full(len(reading), np.nan)
     gap = np.diff(time)
     moves = np.where(gap > 1.5 * np.median(gap), 0.0, np.diff(reading, axis=1))
     step, rows = np.abs(moves), np.arange(len(reading))
@@ -394,7 +397,7 @@ def _jumped(found: Estimates, sensors: Sensors) -> NDArray[np.intp]:
     far = inside & (largest > RULES.fastest_step * step.max(axis=1))
     # Of two that were exchanged one may have begun as fast as it jumps; the other one went the opposite way at the same reading.
     opposite = (at == at[:, None]) & (jump * jump[:, None] < 0.0) & (2.0 * largest > largest[:, None]) & far
-    return np.where(far | (inside & opposite.any(axis=1)), at + 1, 0)
+    return np.where(far | (inside & opposite.any(axis=1)), time[at + 1], slipped(time, reading)[0])
 
 
 def _since_change(claimed: Claims, past: Past | None, changed_min: float | None, found: Estimates) -> Array:

@@ -41,7 +41,7 @@ def loop_tasks(
     chosen_effects(names, extra)
     if model is not None:
         check_effects(model.file, model.source)
-        if drive not in (None, model.drive):
+        if drive is not None and column_named(drive, [model.drive or ""]) != model.drive:
             raise UsageError(
                 f"--drive {drive!r} is not what the model was learnt with",
                 found=f"{model.source}: {model.drive or 'no drive'}",

@@ -247,8 +247,12 @@ def stretch(run: Run, from_min: float | None, to_min: float | None) -> Run:
 
 
 def ends_before(run: Run, until_min: float | None) -> bool:
-    """Whether a run ends before the time up to which it is to be read."""
-    return until_min is not None and until_min > float(run.time_s[-1]) / 60.0 * 1.001
+    """Whether a run ends before the time up to which it is to be read, by more than half of what lies between two readings."""
+    if until_min is None:
+        return False
+    last = float(run.time_s[-1]) / 60.0
+    between = float(np.median(np.diff(run.time_s))) / 60.0 if len(run.time_s) > 1 else 0.0
+    return until_min > max(1.001 * last, last + 0.5 * between)
 
 
 def said_short(run: Run, until_min: float | None) -> str:
