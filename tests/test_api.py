@@ -163,6 +163,7 @@ def test_bad_settings_are_errors_with_words(frame):
         (lambda: tf.plan(0.5, sensors="3"), "sensors is not such a number"),
         (lambda: tf.read(frame, strict="no"), "strict: not understood"),
         (lambda: tf.identify(run, until=999), "longer than the record"),
+        (lambda: tf.identify(run, model={}), "model: not understood"),
         (lambda: tf.identify(run, filter="afuk"), "did you mean 'afukf'"),
         (lambda: tf.identify(run, settings={"gaet": 3}), "no setting 'gaet'"),
         (lambda: tf.identify(run, start=500), "outside the record"),

@@ -22,7 +22,7 @@ from thermofast.filters import Filter
 from thermofast.models import Lump
 from thermofast.models.imperfection import NONE
 from thermofast.output.screen import _told_once
-from thermofast.output.table import GAP, Column, blocks, folded, lines_of
+from thermofast.output.table import GAP, INTERVAL, Column, blocks, folded, lines_of
 
 SPINDLE = str(ROOT / "sample_runs" / "spindle.csv")
 HIDDEN = str(ROOT / "sample_runs" / "hidden.csv")
@@ -191,6 +191,17 @@ def test_no_width_cuts_a_number_a_name_or_a_status(width):
     assert "front_bearing_outer_ring" in re.sub(r"\s", "", text)
     if width is None or width >= sum(c.natural for c in columns()) + GAP * 11:
         assert len(found) == 1
+
+
+@pytest.mark.parametrize("width", range(60, 140, 5))
+def test_an_interval_stays_with_its_number(width):
+    numbers = [c for k in range(5) for c in (Column(f"at {k} degC", ("25.41",), False), Column(INTERVAL, ("25.13..26.32",), False))]
+    table = [Column("sensor", ("front_bearing",), True), *numbers, Column("status", ("ok",), True)]
+    headings = [[c.heading for c, _ in block] for block in blocks(table, width)]
+    for block in headings:
+        for k, heading in enumerate(block):
+            assert heading != INTERVAL or block[k - 1].startswith("at ")
+    assert sum(block.count(INTERVAL) for block in headings) == 5
 
 
 def test_lists_break_behind_plus_and_commas_only():

@@ -85,6 +85,10 @@ KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
     ),
     **dict.fromkeys(("progress", "told"), (lambda v: v if callable(v) else None, "a function")),
     "into": (lambda v: os.fspath(v) if isinstance(v, str | os.PathLike) else None, "a folder"),
+    "model": (
+        lambda v: os.fspath(v) if isinstance(v, str | os.PathLike) else v if hasattr(v, "file") else None,
+        "a learnt model, as tf.Model.load gives it, or its file",
+    ),
     "start": (_minutes, "minutes, or 'auto'"),
     "sources": (
         lambda v: os.fspath(v) if isinstance(v, str | os.PathLike) else _texts(v) if isinstance(v, list | tuple | set) else None,

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from rich.cells import cell_len
 
 GAP = 2
+#: What stands beside the number that it belongs to.
+INTERVAL = "95 % interval"
 #: A name of a sensor longer than this is folded where the table is too wide.
 WIDEST_NAME = 24
 
@@ -55,7 +57,8 @@ def folded(text: str, width: int) -> list[str]:
 
 
 def blocks(columns: Sequence[Column], width: int | None, keys: int = 1) -> list[list[tuple[Column, int]]]:
-    """Groups of (column, width) that each fit into `width`, the first `keys` columns and the status leading each group.
+    """Groups of (column, width) that each fit into `width`, the first `keys` columns and the status leading each group; an interval
+    stays with its number.
 
     Without a width the table is as wide as it is.
     """
@@ -68,13 +71,19 @@ def blocks(columns: Sequence[Column], width: int | None, keys: int = 1) -> list[
     lead = list(columns[:keys])
     status = [c for c in columns[keys:] if c.heading == "status"]
     rest = [c for c in columns[keys:] if c.heading != "status"]
+    together: list[list[Column]] = []
+    for column in rest:
+        if column.heading == INTERVAL and together:
+            together[-1].append(column)
+        else:
+            together.append([column])
     groups: list[list[tuple[Column, int]]] = []
     current = [*lead, *status]
-    for column in rest:
-        tried = [*current, column]
+    for some in together:
+        tried = [*current, *some]
         if sum(c.least for c in tried) + GAP * (len(tried) - 1) > width and len(current) > len(lead):
             groups.append(_spread(current, [c.least for c in current], width))
-            current = [*lead, column]
+            current = [*lead, *some]
         else:
             current = tried
     groups.append(_spread(current, [c.least for c in current], width))

@@ -226,7 +226,7 @@ def deliver(
     for target in targets:
         whole.save(target, wants_excel_csv(), made)
         if not quiet:
-            once_written(partial(say, f"{len(whole)} records in {target}"))
+            once_written(partial(say, f"{len(whole)} record{'' if len(whole) == 1 else 's'} in {target}"))
     if form or not targets:
         columns, excel = whole.kind.columns(), wants_excel_csv()
         show_records(whole.command, columns, whole.rows(), form, drawn, beneath, whole.input(), excel)
