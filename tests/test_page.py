@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,10 +14,14 @@ from conftest import ROOT
 
 import thermofast as tf
 from thermofast.output.report.charts import Series, charts_of, drawn_of, extremes
+from thermofast.output.report.charts import _needed_heat as needed_heat
 from thermofast.output.report.figures import figures_of
+from thermofast.output.report.page import _chance as chance
+from thermofast.output.report.page import _glance as glance
 from thermofast.output.report.page import page_of
 from thermofast.output.report.verdicts import verdict_of
 from thermofast.output.report.words import run_names
+from thermofast.records import ChangedRecord, DiagnoseRecord, IdentifyRecord, ImproveRecord, SweepRecord
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = (
@@ -312,3 +317,76 @@ def test_a_long_record_says_that_not_all_of_it_is_drawn():
     rise = 20.0 - 8.0 * np.expm1(-time / 40.0) + 0.02 * np.random.default_rng(0).standard_normal(5000)
     (figure,) = figures_of(tf.identify({"time_min": time, "A": rise}, until=60.0, details=True))
     assert figure["says"] == "600 of 5000 readings are drawn: the least and the largest of each stretch."
+
+
+def _said_of(command, *records):
+    return verdict_of(SimpleNamespace(command=command, records=[], curves=[]), [r.as_dict() for r in records])
+
+
+def test_the_top_of_a_page_tells_the_error_on_runs_that_were_left_out_beside_that_on_blocks():
+    first = ImproveRecord("a/r.csv", "T1", 0, [], rmse_ahead_c=0.4, rmse_other_runs_c=0.8)
+    last = ImproveRecord(
+        "a/r.csv", "T1", 1, ["second_mode"], rmse_ahead_c=0.1, rmse_other_runs_c=0.2, stopped_because="nothing gains"
+    )
+    assert _said_of("improve", first, last) == [
+        "r.csv: with second_mode the error on readings that were not fitted goes from 0.400 to 0.100 K, on this run with what is "
+        "shared told by the others from 0.800 to 0.200 K.",
+        "It stopped because nothing gains.",
+        "1 row of the last step: 1 ok.",
+    ]
+    lines = SimpleNamespace(
+        run="a/r.csv", labels=["base", "second_mode"], channels=("T1",), ahead_errors=[np.array([0.8]), np.array([0.2])]
+    )
+    (chart,) = charts_of(SimpleNamespace(command="improve", records=[first, last], steps=[lines]))
+    assert chart.says.startswith("The error on this run with what is shared told by the other runs")
+
+
+def test_a_command_without_sentences_of_its_own_says_those_of_its_records():
+    rows = [ChangedRecord("new.csv", f"T{i}", verdict="nothing", message=f"sensor {i} is as it was") for i in range(5)]
+    said = _said_of("changed", *rows)
+    assert said == ["Verdict: Nothing.", *(f"Sensor {i} is as it was." for i in range(3)), "The table says more.", "5 rows: 5 ok."]
+    clean = DiagnoseRecord("r.csv", "T1", verdict="none", message="down to the noise", advice="nothing to add")
+    assert _said_of("diagnose", clean)[:3] == ["r.csv: Nothing is missing.", "Down to the noise.", "Advice: Nothing to add."]
+
+
+def test_the_top_of_a_page_tells_the_temperature_at_the_moment_of_switching_off():
+    rows = [
+        IdentifyRecord("r.csv", f"T{i}", "afukf", switch_off_min=-2.0, switch_off_c=c, switch_off_lo_c=c - 1, switch_off_hi_c=c + 1)
+        for i, c in enumerate((40.0, 50.0))
+    ]
+    assert "When it was switched off, at -2 min, T1 was the hottest, at 50.00 degC (95 %: 49.00 to 51.00)." in _said_of(
+        "identify", *rows
+    )
+
+
+def test_a_sweeps_mark_is_the_time_that_serves_in_every_window():
+    records = [
+        SweepRecord("r.csv", "T1", "afukf", window_min=w, shortest_time_min=t, agreed=True) for w, t in ((40.0, 25.0), (50.0, 31.0))
+    ]
+    swept = SimpleNamespace(records=records, times=np.arange(20.0, 40.0), rmse=np.ones((2, 20)))
+    (chart,) = charts_of(SimpleNamespace(command="sweep", records=records, curves=[swept]))
+    assert chart.marks == ((31.0, "mark", "shortest time that serves"),)
+
+
+def test_a_heat_is_drawn_in_watts_where_they_are_known():
+    row = {
+        "time_min": 1.0,
+        "heat_k_per_min": 0.1,
+        "lo_k_per_min": 0.0,
+        "hi_k_per_min": 0.2,
+        "heat_w": 50.0,
+        "lo_w": 40.0,
+        "hi_w": 60.0,
+    }
+    (strip,) = needed_heat([row, row | {"time_min": 2.0}])
+    assert strip.unit == "W"
+    assert strip.series[1].y.tolist() == [50.0, 50.0]
+    assert needed_heat([]) == ()
+
+
+def test_chances_and_tables_that_are_too_small_or_too_long_to_be_shown():
+    assert chance(1.1e-307) == chance(0.0) == "&lt; 1e-300"
+    assert chance(2e-299) == "2e-299"
+    rows = [IdentifyRecord("r.csv", f"T{i}", "afukf").as_dict() for i in range(61)]
+    assert glance(rows, {"r.csv": "r.csv"}) == ""
+    assert glance(rows[:60], {"r.csv": "r.csv"}).count("<tr>") == 61

@@ -126,6 +126,15 @@ def test_the_summary_says_whose_message_it_is(tmp_path):
     assert said["message of B_degC"].startswith("every reading is 21 degC")
 
 
+def test_a_message_of_one_of_several_runs_names_the_run(tmp_path):
+    columns = {"time_min": list(range(40)), "A_degC": [20.0 + 0.1 * i for i in range(40)], "B_degC": [21.0] * 40}
+    runs = [tf.read(columns, name=name) for name in ("one.csv", "two.csv")]
+    tf.identify(runs).save(tmp_path / "two.xlsx")
+    said = {row[0]: row[1] for row in sheets(tmp_path / "two.xlsx")["summary"]}
+    assert said["message of B_degC of one.csv, B_degC of two.csv"].startswith("every reading is 21 degC")
+    assert [row[1] for row in sheets(tmp_path / "two.xlsx")["summary"] if row[0] == "verdict"][-1] == "4 rows: 2 not_determined, 2 constant."
+
+
 def test_parameters_are_read_as_numbers_with_their_errors():
     told = {"load_step.change": {"value": 0.3125, "standard_error": 0.0213, "unit": "1"}, "t": {"value": 5.0, "unit": "min"}}
     assert _shown(told) == "load_step.change = 0.3125 ± 0.021; t = 5 min"
