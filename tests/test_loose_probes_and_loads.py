@@ -332,6 +332,12 @@ def test_what_a_machine_does_is_no_slip():
     gap = (time < 43.0) | (time > 52.0)  # nobody read when it happened
     assert np.isnan(slipped(time[gap], kept[:, gap])[0]).all()
     assert np.isnan(slipped(time[:23], kept[:, :23])[0]).all()
+    for count in (1, 2, 3, 5):  # a few bad readings, of which those that stand alone are outliers
+        bad = _slip(0.0, by=0.0)[1]
+        bad[1, 90 : 90 + count] -= 3.0
+        assert count == 1 or np.isnan(slipped(time, bad)[0]).all()
+        told = tf.identify({"time_min": time} | {f"T{i}": row for i, row in enumerate(bad)})["T1"]
+        assert "jump" not in told.message
     since = np.maximum(time - 45.0, 0.0)
     bend = np.array([1.0, 0.8, 0.6, 0.5])[:, None] * 5.0 * -np.expm1(-since / 40.0)
     assert np.isnan(slipped(time, _slip(0.3, by=0.0)[1] + bend)[0]).all()
@@ -372,6 +378,7 @@ def test_a_slip_is_one_and_worth_its_name():
 @pytest.mark.parametrize("lag", [0.3, 1.5])
 def test_the_row_of_a_probe_that_slips_is_doubtful(lag):
     time, reading = _slip(lag)
+    reading[1, 170] += 5.0  # an outlier elsewhere hides it not
     told = {r.channel: r for r in tf.identify({"time_min": time} | {f"T{i}": row for i, row in enumerate(reading)})}
     assert told["T1"].status == "model_doubtful"
     assert "the readings jump at 4" in told["T1"].message

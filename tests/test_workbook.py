@@ -132,7 +132,9 @@ def test_a_message_of_one_of_several_runs_names_the_run(tmp_path):
     tf.identify(runs).save(tmp_path / "two.xlsx")
     said = {row[0]: row[1] for row in sheets(tmp_path / "two.xlsx")["summary"]}
     assert said["message of B_degC of one.csv, B_degC of two.csv"].startswith("every reading is 21 degC")
-    assert [row[1] for row in sheets(tmp_path / "two.xlsx")["summary"] if row[0] == "verdict"][-1] == "4 rows: 2 not_determined, 2 constant."
+    assert [row[1] for row in sheets(tmp_path / "two.xlsx")["summary"] if row[0] == "verdict"][
+        -1
+    ] == "4 rows: 2 not_determined, 2 constant."
 
 
 def test_parameters_are_read_as_numbers_with_their_errors():

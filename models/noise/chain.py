@@ -108,8 +108,9 @@ def _others_go_on(sensor: int, fell: CameOff, time: Array, reading: Array, used:
 BLOCKS, BESIDE = 240, 6
 #: Blocks over which a slip may be spread by the probe's own lag; times the usual length, at which one holds a gap.
 SPREADS, GAP = (1, 2, 4, 8), 2.5
-#: A slip is farther than so many times what the record does anywhere else, and than such a share of what the sensor moved.
-ALONE, WORTH = 3.0, 0.03
+#: A slip is farther than so many times what the record does anywhere else, than such a share of what the sensor moved, and than so
+#: many times what its line leaves of the readings about it, as a few that are bad do.
+ALONE, WORTH, CLEAR = 3.0, 0.03, 10.0
 #: How much farther it may be where twice as much about it is left out: a heat that begins goes on, a slip is over.
 GOES_ON = 1.2
 #: Of the slip: what another sensor may do at the same moment, what the sensor may have done where its record begins, by which it
@@ -151,7 +152,7 @@ def slipped(time: Array, reading: Array) -> tuple[Array, Array]:
         beside = size[:, np.clip(k[:, None] + np.arange(-spread, spread + 1), 0, len(place) - 1)].max(axis=2)
         beside[rows, rows] = 0.0
         others = beside.max(axis=0)
-        least = np.maximum(ALONE * elsewhere, WORTH * np.ptp(mean, axis=1))
+        least = np.max([ALONE * elsewhere, WORTH * np.ptp(mean, axis=1), CLEAR * about.left[rows, k]], axis=0)
         alone = (
             (later < GOES_ON * here)
             & (begun < AT_ONCE * here)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.filters import Tracks
-from thermofast.models import difference_noise
+from thermofast.models import bridged, difference_noise, spike_weights
 from thermofast.models.imperfection import Past
 from thermofast.models.noise.chain import slipped
 from thermofast.models.uncertainty.companions import DONE
@@ -397,7 +397,8 @@ def _jumped(found: Estimates, sensors: Sensors) -> Array:
     far = inside & (largest > RULES.fastest_step * step.max(axis=1))
     # Of two that were exchanged one may have begun as fast as it jumps; the other one went the opposite way at the same reading.
     opposite = (at == at[:, None]) & (jump * jump[:, None] < 0.0) & (2.0 * largest > largest[:, None]) & far
-    return np.where(far | (inside & opposite.any(axis=1)), time[at + 1], slipped(time, reading)[0])
+    whole = bridged(time, reading, spike_weights(reading, sensors.resolution) == 0.0)
+    return np.where(far | (inside & opposite.any(axis=1)), time[at + 1], slipped(time, whole)[0])
 
 
 def _since_change(claimed: Claims, past: Past | None, changed_min: float | None, found: Estimates) -> Array:
