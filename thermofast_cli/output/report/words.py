@@ -1,6 +1,7 @@
 """Names and values as a reader of a page or a workbook takes them in."""
 
 import math
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -9,12 +10,15 @@ from typing import Any
 def run_names(runs: Iterable[str]) -> dict[str, str]:
     """Each run's file by its name; of several of one name with as many folders as tell them apart."""
     parts = {run: Path(run).parts or (run,) for run in runs}
-    found = {}
-    for run, mine in parts.items():
-        others = [p for r, p in parts.items() if r != run]
-        count = next((n for n in range(1, len(mine) + 1) if all(p[-n:] != mine[-n:] for p in others)), len(mine))
-        found[run] = str(Path(*mine[-count:]))
-    return found
+    found: dict[str, str] = {}
+    count = 1
+    while len(found) < len(parts):
+        ends = Counter(mine[-count:] for mine in parts.values())
+        for run, mine in parts.items():
+            if run not in found and (ends[mine[-count:]] == 1 or count >= len(mine)):
+                found[run] = str(Path(*mine[-count:]))
+        count += 1
+    return {run: found[run] for run in parts}
 
 
 def sentence(text: str) -> str:
