@@ -3,8 +3,6 @@
 import html
 import json
 import re
-import shutil
-import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,23 +11,20 @@ import pytest
 from conftest import ROOT
 
 import thermofast as tf
+from benchmarks.scale.accessibility import BROWSER, in_browser
 from thermofast.output.report.charts import Series, charts_of, drawn_of, extremes
 from thermofast.output.report.charts import _needed_heat as needed_heat
 from thermofast.output.report.figures import figures_of
+from thermofast.output.report.page import _cell as page_cell
 from thermofast.output.report.page import _chance as chance
 from thermofast.output.report.page import _glance as glance
 from thermofast.output.report.page import page_of
 from thermofast.output.report.verdicts import verdict_of
-from thermofast.output.report.words import run_names
+from thermofast.output.report.words import interval_words, run_names
 from thermofast.records import ChangedRecord, DiagnoseRecord, IdentifyRecord, ImproveRecord, SweepRecord
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = (
-    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking --disable-component-update "
-    "--disable-sync --enable-logging=stderr --v=0 --virtual-time-budget=4000 --dump-dom"
-)
 SPINDLE = ROOT / "sample_runs" / "spindle.csv"
-needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+needs_browser = pytest.mark.skipif(BROWSER is None, reason="no chromium on this machine")
 
 #: What a user does on the page, and what is to be seen of it, as JSON in an element at its end.
 ACTS = """
@@ -81,13 +76,6 @@ addEventListener("load", () => {
 """
 
 
-def dumped(path, tmp_path, size="1200,900"):
-    """(DOM after the scripts ran, lines of the browser's console)."""
-    command = [CHROMIUM, *FLAGS.split(), f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={size}", path.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-    return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
-
-
 @needs_browser
 @pytest.mark.parametrize("size", ["1200,900", "390,844"], ids=["desk", "phone"])
 def test_the_page_is_alive_in_a_browser(tool, tmp_path, size):
@@ -95,7 +83,7 @@ def test_the_page_is_alive_in_a_browser(tool, tmp_path, size):
     done = tool("identify", SPINDLE, "--channels", "T1,T8,T10", "--until", "60", "-o", path, "-q")
     assert done.code == 0, done.err
     path.write_text(path.read_text(encoding="utf-8").replace("</body>", ACTS + "</body>"), encoding="utf-8")
-    dom, console = dumped(path, tmp_path, size)
+    dom, console = in_browser(path, tmp_path, f"--window-size={size}")
     assert console == []
     seen = json.loads(html.unescape(re.search(r'<pre id="seen">(.*?)</pre>', dom, re.DOTALL)[1]))
     assert seen["figures"] == 3
@@ -135,7 +123,7 @@ def test_each_command_has_a_page_without_an_error(tool, tmp_path, arguments, fig
     path = tmp_path / "report.html"
     done = tool(*arguments, "-o", path, "-q")
     assert done.code == 0, done.err
-    dom, console = dumped(path, tmp_path)
+    dom, console = in_browser(path, tmp_path)
     assert console == []
     assert len(re.findall(r"<svg[^>]*role=\"img\"", dom)) == figures
     assert dom.count('aria-label="Zoom in: ') == figures
@@ -390,3 +378,20 @@ def test_chances_and_tables_that_are_too_small_or_too_long_to_be_shown():
     rows = [IdentifyRecord("r.csv", f"T{i}", "afukf").as_dict() for i in range(61)]
     assert glance(rows, {"r.csv": "r.csv"}) == ""
     assert glance(rows[:60], {"r.csv": "r.csv"}).count("<tr>") == 61
+
+
+def test_an_open_side_of_an_interval_is_said():
+    assert interval_words({"lo": 26.1, "hi": None}, ("lo", "hi"), 2) == "26.10 to open"
+    row = IdentifyRecord("r.csv", "T1", "afukf", steady_state_c=27.0, steady_state_lo_c=None, steady_state_hi_c=28.0)
+    assert "T1 settles highest, at 27.00 degC (95 %: open to 28.00)." in _said_of("identify", row)
+
+
+def test_parameters_are_words_on_a_page_and_whole_where_they_are_copied():
+    told = {"second_mode.kappa": {"value": 0.0048, "standard_error": 0.0001, "unit": "1/min"}}
+    shown = page_cell("parameters", told)
+    assert shown.endswith(">second_mode.kappa = 0.0048 ± 0.0001 1/min</td>")
+    assert json.loads(html.unescape(re.search('data-value="([^"]*)"', shown)[1])) == told
+    many = [{"time_min": float(k), "heat_k_per_min": 0.1} for k in range(40)]
+    assert page_cell("unknown_heat", many).endswith("time_min 39, heat_k_per_min 0.1</code></details></td>")
+    assert "<summary>40 entries</summary>" in page_cell("unknown_heat", many)
+    assert '<details class="words">' in page_cell("message", "word " * 60)

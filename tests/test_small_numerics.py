@@ -29,6 +29,7 @@ from thermofast.models.standards import temperature_at_switch_off
 from thermofast.models.swing import Swing, _count, _fewer, _harmonics
 from thermofast.models.uncertainty.pooled import _pooled
 from thermofast.models.uncertainty.surroundings import room_ahead, room_paths
+from thermofast.output.text import cell, short
 
 
 def test_a_law_with_a_discrepancy_settles_where_both_are_at_95_percent():
@@ -570,3 +571,8 @@ def test_sensors_that_warm_each_other_without_end_stop_being_run():
         found = relaxed(np.ones((2, 3)), forward)
     assert np.isinf(found).all()
     assert len(rounds) == 2
+
+
+def test_a_name_is_guarded_where_a_spreadsheet_reads_it_and_shown_as_it_is_on_a_screen():
+    assert short("=1+2") == "=1+2"
+    assert cell("=1+2") == "'=1+2"

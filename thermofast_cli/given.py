@@ -56,6 +56,12 @@ def _pair(value: Any) -> Any:
     return tuple(value) if isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(v, int) for v in value) else None
 
 
+def _model(value: Any) -> Any:
+    from .machine.model import Model
+
+    return os.fspath(value) if isinstance(value, os.PathLike) else value if isinstance(value, str | Model) else None
+
+
 #: What an argument of a name may be, wherever it occurs: (what of it is used, None where it is wrong; what is allowed).
 KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
     **dict.fromkeys(
@@ -85,10 +91,7 @@ KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
     ),
     **dict.fromkeys(("progress", "told"), (lambda v: v if callable(v) else None, "a function")),
     "into": (lambda v: os.fspath(v) if isinstance(v, str | os.PathLike) else None, "a folder"),
-    "model": (
-        lambda v: os.fspath(v) if isinstance(v, str | os.PathLike) else v if hasattr(v, "file") else None,
-        "a learnt model, as tf.Model.load gives it, or its file",
-    ),
+    "model": (_model, "a learnt model, as tf.Model.load gives it, or its file"),
     "start": (_minutes, "minutes, or 'auto'"),
     "sources": (
         lambda v: os.fspath(v) if isinstance(v, str | os.PathLike) else _texts(v) if isinstance(v, list | tuple | set) else None,

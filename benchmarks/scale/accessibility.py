@@ -15,6 +15,8 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+#: For a page that runs its scripts and is then printed as it stands, with what they said.
 FLAGS = (
     "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync --enable-logging=stderr --v=0 --virtual-time-budget=20000 --dump-dom"
@@ -62,24 +64,29 @@ def axe_core() -> str:
     return (Path(found.origin).parent / "axe.min.js").read_text(encoding="utf-8")
 
 
-def asked(browser: str, page: Path, axe: str, view: tuple[str, ...], folder: Path) -> tuple[dict[str, object], list[str]]:
+def in_browser(page: Path, folder: Path, *view: str) -> tuple[str, list[str]]:
+    """(the page as it stands after its scripts ran, lines of the browser's console); folder is for the browser's profile."""
+    command = [str(BROWSER), *FLAGS.split(), *view, f"--user-data-dir={folder / 'profile'}", page.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
+    return done.stdout, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+
+
+def asked(page: Path, axe: str, view: tuple[str, ...], folder: Path) -> tuple[dict[str, object], list[str]]:
     """(what axe-core found on a page, lines of the browser's console)."""
     text = page.read_text(encoding="utf-8")
     end = text.rindex("</body>")
     copy = folder / "asked.html"
     inert = axe.replace("</script", "<\\/script")
     copy.write_text(f"{text[:end]}<script>{inert}</script>{ASKED}{text[end:]}", encoding="utf-8")
-    command = [browser, *FLAGS.split(), *view, f"--user-data-dir={folder / 'profile'}", copy.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
-    told = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
+    shown, console = in_browser(copy, folder, *view)
+    told = re.search(r'<pre id="found">(.*?)</pre>', shown, re.DOTALL)
     assert told, "axe-core came to no end"
-    return json.loads(html.unescape(told[1])), [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    return json.loads(html.unescape(told[1])), console
 
 
 def main() -> None:
     """Print the table."""
-    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if browser is None:
+    if BROWSER is None:
         raise SystemExit("no chromium on this machine")
     axe = axe_core()
     print("| page | seen | rules passed | " + " | ".join(LEVELS) + " | console | fetched |")
@@ -89,7 +96,7 @@ def main() -> None:
             page = Path(held) / f"{name}.html"
             subprocess.run([sys.executable, "-m", "thermofast", *arguments, "-o", str(page), "-q"], check=True, cwd=ROOT)
             for view, flags in VIEWS:
-                found, console = asked(browser, page, axe, flags, Path(held))
+                found, console = asked(page, axe, flags, Path(held))
                 assert found["dark"] == view.startswith("dark")
                 violations = found["violations"]
                 assert isinstance(violations, list)

@@ -106,7 +106,8 @@ def _others_go_on(sensor: int, fell: CameOff, time: Array, reading: Array, used:
 
 #: Blocks of equal length that a record is averaged to where a slip is looked for, at most, and such blocks before and after one.
 BLOCKS, BESIDE = 240, 6
-#: Blocks over which a slip may be spread by the probe's own lag; times the usual length, at which one holds a gap.
+#: Blocks over which a slip may be spread by the probe's own lag, each twice the one before; times the usual length, at which a
+#: block holds a gap.
 SPREADS, GAP = (1, 2, 4, 8), 2.5
 #: A slip is farther than so many times what the record does anywhere else, than such a share of what the sensor moved, and than so
 #: many times what its line leaves of the readings about it, as a few that are bad do.
@@ -118,30 +119,29 @@ GOES_ON = 1.2
 ALSO, AT_ONCE, UNDER_WAY = 0.2, 0.5, 0.3
 
 
-def slipped(time: Array, reading: Array) -> tuple[Array, Array]:
-    """When (S,) [min] sensors slip, as a probe does that moves on its place, and by how much (S,) [K]; nan where none does.
+def slipped(time: Array, reading: Array) -> Array:
+    """When (S,) [min] sensors slip, as a probe does that moves on its place; nan where none does.
 
     About each moment one line is fitted to what readings (S, N) at time (N,) [min] were before and after, with a level for
     each side: what a curve does that bends or changes its slope stays out of the difference of the levels. The probe's own lag
     may spread it, so what was read meanwhile is left out. A part of the machine that is as quick as that shows it where the
     record begins, and other sensors feel it too.
     """
-    when, by = np.full((2, len(reading)), np.nan)
+    when = np.full(len(reading), np.nan)
     if len(time) < 4 * BESIDE or len(reading) == 0:
-        return when, by
+        return when
     edges = np.unique(np.linspace(0, len(time), min(len(time), BLOCKS) + 1).round().astype(int))[:-1]
     length = np.diff(np.append(edges, len(time)))
     at, mean = np.add.reduceat(time, edges) / length, np.add.reduceat(reading, edges, axis=1) / length
-    rows, clearest = np.arange(len(mean)), np.zeros(len(mean))
-    for spread in SPREADS:
-        about, wider = _levels(at, mean, spread), _levels(at, mean, 2 * spread)
+    rows = np.arange(len(mean))
+    levels = [_levels(at, mean, spread) for spread in (*SPREADS, 2 * SPREADS[-1])]
+    for spread, about, wider in zip(SPREADS, levels, levels[1:], strict=False):
         if about is None or wider is None:
             break
         size, place = np.abs(about.level), np.arange(len(about.time))
         error = 1.4826 * np.median(np.abs(np.diff(about.level, axis=1)), axis=1)
         # Where the slip is inside a window no line fits there.
-        clear = size / (about.left + error[:, None] + 1e-300)
-        k = clear.argmax(axis=1)
+        k = (size / (about.left + error[:, None] + 1e-300)).argmax(axis=1)
         far = np.abs(place - k[:, None]) > 2 * BESIDE + spread
         here = size[rows, k]
         elsewhere = np.where(far, size, 0.0).max(axis=1)
@@ -160,9 +160,8 @@ def slipped(time: Array, reading: Array) -> tuple[Array, Array]:
             & (before > UNDER_WAY * here)
             & far.any(axis=1)
         )
-        new = alone & (here > least) & (clear[rows, k] > clearest)
-        when[new], by[new], clearest[new] = about.time[k[new]], about.level[rows, k][new], clear[rows, k][new]
-    return when, by
+        when = np.where(np.isnan(when) & alone & (here > least), about.time[k], when)
+    return when
 
 
 class _Levels(NamedTuple):

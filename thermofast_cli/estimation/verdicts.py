@@ -398,7 +398,7 @@ def _jumped(found: Estimates, sensors: Sensors) -> Array:
     # Of two that were exchanged one may have begun as fast as it jumps; the other one went the opposite way at the same reading.
     opposite = (at == at[:, None]) & (jump * jump[:, None] < 0.0) & (2.0 * largest > largest[:, None]) & far
     whole = bridged(time, reading, spike_weights(reading, sensors.resolution) == 0.0)
-    return np.where(far | (inside & opposite.any(axis=1)), time[at + 1], slipped(time, whole)[0])
+    return np.where(far | (inside & opposite.any(axis=1)), time[at + 1], slipped(time, whole))
 
 
 def _since_change(claimed: Claims, past: Past | None, changed_min: float | None, found: Estimates) -> Array:

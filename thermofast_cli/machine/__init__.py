@@ -1,1 +1,1 @@
-"""What was learnt from one run of a machine, put to use on another."""
+"""Models learnt of a machine and priors of a lab, their files, and what they carry over to another run."""

@@ -1,4 +1,4 @@
-"""One run through the discovery loop: compare, diagnose, improve. Pure: a run in, records and curves out; runs in a worker."""
+"""What a task of the discovery loop is asked, its run made ready to fit, and what a fit of it says of readings and parameters."""
 
 import math
 import shlex

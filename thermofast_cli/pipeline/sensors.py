@@ -280,7 +280,7 @@ def sweep_runs(
             )
     for run, _ in started:
         length = float(run.time_s[-1]) / 60.0
-        if windows_min[-1] > length * 1.001:
+        if ends_before(run, windows_min[-1]):
             raise TooShortError(
                 f"{run.name}: the window of {windows_min[-1]:g} min is longer than the record",
                 found=f"{length:.4g} min",

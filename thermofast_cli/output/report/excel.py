@@ -90,7 +90,7 @@ def _summary(result: "Result[Any]", rows: Sequence[dict[str, Any]], made: Mappin
         lines += [["read as", note] for note in told["notes"]]
         lines += [["guessed", f"{g['text']} ({g['option']})"] for g in told["guesses"]]
     of_whom: dict[str, dict[str, None]] = {}
-    names = run_names(dict.fromkeys(str(row["run"]) for row in rows))
+    names = run_names(str(row["run"]) for row in rows)
     for row in rows:
         if row.get("message"):
             of = f" of {names[row['run']]}" if len(names) > 1 and row.get("channel") else ""

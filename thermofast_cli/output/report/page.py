@@ -13,7 +13,7 @@ from ..meanings import meaning_of, unit_of
 from ..text import plain
 from .figures import figures_of
 from .verdicts import verdict_of
-from .words import run_names, value_words
+from .words import interval_words, run_names, value_words
 
 if TYPE_CHECKING:
     from ...results import Result
@@ -45,7 +45,7 @@ def page_of(result: "Result[Any]", made: Mapping[str, str] = MappingProxyType({}
     """
     rows, charts = [plain(r) for r in result.rows()], figures_of(result)
     data = json.dumps({"command": result.command, "charts": charts}, ensure_ascii=False, separators=(",", ":")).translate(TURNING)
-    called = run_names(dict.fromkeys(r["run"] for r in rows))
+    called = run_names(r["run"] for r in rows)
     names = " and ".join(called.values()) or "no run"
     title = f"thermofast {result.command}: {names if len(names) < 120 else f'{len(result.runs)} runs'}"
     verdict = "".join(f"<p>{escape(s)}</p>" for s in verdict_of(result, rows))
@@ -90,8 +90,7 @@ def _glance(rows: Sequence[dict[str, Any]], called: Mapping[str, str]) -> str:
     for row in rows:
         cells = []
         for _, column, ends, digits in GLANCE:
-            value, sides = row[column], ["open" if row[end] is None else f"{row[end]:.{digits}f}" for end in ends]
-            told = ("", "") if value is None else (f"{value:.{digits}f}", f"{sides[0]} to {sides[1]}")
+            told = ("", "") if row[column] is None else (f"{row[column]:.{digits}f}", interval_words(row, ends, digits))
             cells += [f'<td class="number">{text}</td>' for text in told]
         name = row["channel"] if len(called) < 2 else f"{called[row['run']]} {row['channel']}"
         lines.append(f'<tr><th scope="row" class="who">{escape(name)}</th>{"".join(cells)}{_cell("status", row["status"])}</tr>')
@@ -152,8 +151,8 @@ def _ranking(rows: Sequence[dict[str, Any]]) -> str:
             for e in ranking
         )
         head = (
-            "<tr><th>effect</th><th>what it gains</th><th>gain: fall of the misfit, in twice the log-likelihood</th>"
-            "<th>chance of that by noise</th><th>what speaks against it</th></tr>"
+            "<tr><th>effect</th><th>what it gains</th><th>likelihood-ratio statistic</th><th>chance by noise</th>"
+            "<th>what speaks against it</th></tr>"
         )
         parts.append(
             f'<h3>{escape(run)}</h3><div class="wide" tabindex="0" role="region" aria-label="Ranking of {escape(run, quote=True)}">'
@@ -212,8 +211,10 @@ def _cell(column: str, value: Any) -> str:
     if not isinstance(value, str):
         if not value:
             return "<td></td>"
-        count = f"{len(value)} entr{'y' if len(value) == 1 else 'ies'}"
-        return _folded(count, json.dumps(value, ensure_ascii=False), value_words(value))
+        whole, words = json.dumps(value, ensure_ascii=False), value_words(value)
+        if len(words) <= FOLDED:
+            return f'<td class=long data-value="{escape(whole, quote=True)}">{escape(words)}</td>'
+        return _folded(f"{len(value)} entries" if len(value) > 1 else "1 entry", whole, words)
     if column == "status":
         return f'<td class="{"ok" if value == "ok" else "doubt" if value in DOUBT else "failed"}">{escape(value)}</td>'
     if len(value) > FOLDED:
@@ -228,7 +229,8 @@ def _chance(p: float) -> str:
 
 def _folded(summary: str, whole: str, shown: str | None = None) -> str:
     """A cell that opens on request, as it is `shown`; sorted and copied by all of it."""
-    told = f"<details><summary>{escape(summary)}</summary><code>{escape(shown or whole)}</code></details>"
+    kind = "" if shown else ' class="words"'  # on paper words are told whole, lists by their count
+    told = f"<details{kind}><summary>{escape(summary)}</summary><code>{escape(shown or whole)}</code></details>"
     return f'<td data-value="{escape(whole, quote=True)}">{told}</td>'
 
 

@@ -8,7 +8,7 @@ from ...errors import listed
 from ...records import FAILURES
 from ...standards.stopping import in_words
 from .charts import MOST
-from .words import run_names, sentence
+from .words import interval_words, run_names, sentence
 
 #: Runs, by as much of their paths as tells them apart.
 Names = Mapping[str, str]
@@ -19,7 +19,7 @@ MOST_SAID = 4
 def verdict_of(result: Any, rows: list[dict[str, Any]]) -> list[str]:
     """Sentences that stand on top of a page."""
     tellers = {"identify": _settles, "compare": _holds, "diagnose": _missing, "improve": _improved, "sweep": _shortest}
-    called = run_names(dict.fromkeys(r["run"] for r in rows))
+    called = run_names(r["run"] for r in rows)
     told = tellers.get(result.command, _said)(rows, called) if rows else []
     if result.command == "identify":
         told += [f"{said}." for said in in_words(result.records)]
@@ -174,6 +174,5 @@ def _who(row: dict[str, Any], called: Names) -> str:
 
 def _with(row: dict[str, Any], name: str, unit: str, said: str, digits: int) -> str:
     """'26.80 degC (95 %: 26.10 to 27.50)'; an open side is told as such."""
-    low, high = row[f"{name}_lo_{unit}"], row[f"{name}_hi_{unit}"]
-    sides = ["open" if v is None else f"{v:.{digits}f}" for v in (low, high)]
-    return f"{row[f'{name}_{unit}']:.{digits}f} {said} (95 %: {sides[0]} to {sides[1]})"
+    ends = (f"{name}_lo_{unit}", f"{name}_hi_{unit}")
+    return f"{row[f'{name}_{unit}']:.{digits}f} {said} (95 %: {interval_words(row, ends, digits)})"

@@ -2,14 +2,14 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 
 def run_names(runs: Iterable[str]) -> dict[str, str]:
     """Each run's file by its name; of several of one name with as many folders as tell them apart."""
-    parts = {run: Path(run).parts or (run,) for run in runs}
+    parts = {run: Path(run).parts or (run,) for run in dict.fromkeys(runs)}
     found: dict[str, str] = {}
     count = 1
     while len(found) < len(parts):
@@ -19,6 +19,12 @@ def run_names(runs: Iterable[str]) -> dict[str, str]:
                 found[run] = str(Path(*mine[-count:]))
         count += 1
     return {run: found[run] for run in parts}
+
+
+def interval_words(row: Mapping[str, Any], ends: tuple[str, str], digits: int) -> str:
+    """'26.10 to 27.50'; an open side is told as such."""
+    low, high = ("open" if row[end] is None else f"{row[end]:.{digits}f}" for end in ends)
+    return f"{low} to {high}"
 
 
 def sentence(text: str) -> str:
