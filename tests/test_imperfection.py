@@ -299,6 +299,7 @@ def mixture_case(rng, asked=4):
         "rise": np.full((2, 3), 64.0),
         "doubt": 1e-4 * doubt @ np.swapaxes(doubt, 1, 2),
         "beside": 1e-4 * beside @ np.swapaxes(beside, 1, 2),
+        "follows": np.array([1.0, 0.0, 20.0, 3.0, 0.0]),
         "kind": kind,
         "scale": np.array([0.04, 1.0, 0.3, 1.0, 0.3, 1.0]),
         "under": np.array([0.0, 0.0, 1.0, 0.3, 1.0, 0.04]),
@@ -348,7 +349,7 @@ def test_evidence_and_predictions_are_those_of_one_large_gaussian():
     for h in range(6):
         kinds = 64.0 * given["relative"] + given["absolute"]
         types = np.einsum("kn,nrc->krc", kinds, shapes()[0])
-        types[0] += 64.0 * given["beside"][0]
+        types += 64.0 * given["follows"][:, None, None] * given["beside"][0]
         whole = given["scale"][h] * types[given["kind"][h]] + given["under"][h] * types[0]
         whole = whole + 64.0 * given["doubt"][0]
         rises = given["law"][0, 0] + given["leans"][h] @ given["slow"][0, 0]

@@ -19,6 +19,7 @@ def mixture(
     rise: Array,
     doubt: Array,
     beside: Array,
+    follows: Array,
     kind: NDArray[intp],
     scale: Array,
     under: Array,

@@ -194,6 +194,7 @@ def mixture(
     const double[:, ::1] rise,
     const double[:, :, ::1] doubt,
     const double[:, :, ::1] beside,
+    const double[::1] follows,
     const Py_ssize_t[::1] kind,
     const double[::1] scale,
     const double[::1] under,
@@ -234,6 +235,8 @@ def mixture(
     cdef bint more = beside.shape[0] > 0
     if more and (beside.shape[0] < sensors or beside.shape[1] < wide or beside.shape[2] < wide):
         raise ValueError("fewer rows beside than quantities asked for")
+    if follows.shape[0] != kinds:
+        raise ValueError("of each kind how much of what is beside")
     parts = <double *> malloc(((components + kinds) * half + LANES * (m * all_ + modes)) * sizeof(double))
     if parts == NULL:
         raise MemoryError()
@@ -282,13 +285,14 @@ def mixture(
                         add(types + k * half, half, v, parts + n * half)
                         for j in range(asked):
                             own_kind[k * asked + j] += v * own[n * asked + j]
-                    if more and k == 0:
+                    if more and follows[k] > 0.0:
+                        v = rise[i, f] * follows[k]
                         for r in range(m):
-                            row = types + r * wide - r * (r + 1) // 2
+                            row = types + k * half + r * wide - r * (r + 1) // 2
                             for j in range(r, wide):
-                                row[j] += rise[i, f] * beside[i, r, j]
+                                row[j] += v * beside[i, r, j]
                         for j in range(asked):
-                            own_kind[j] += rise[i, f] * beside[i, m + j, m + j]
+                            own_kind[k * asked + j] += v * beside[i, m + j, m + j]
                 of_slow = &slow[i, f, 0, 0] if modes else NULL
                 h = 0
                 while h < hypotheses:

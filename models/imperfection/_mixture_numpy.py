@@ -34,6 +34,7 @@ def mixture(
     rise: Array,
     doubt: Array,
     beside: Array,
+    follows: Array,
     kind: NDArray[np.intp],
     scale: Array,
     under: Array,
@@ -50,8 +51,8 @@ def mixture(
     node (S, F) and share (S, F) place a rate between nodes of covariance (G, components, m, m + k), of readings with all, and of
     variances (G, components, k), of what is asked for; relative, absolute (kinds, components); rise (S, F) [K^2]; kind, scale and
     under (H,), the last of the background under an effect. doubt (S, m + k, m + k) is the covariance, over the square of the rise,
-    of a shape that past runs told; (0, 0, 0) for none. beside is another, which belongs to the background and has its scale; of
-    both the rows of readings count and, of what is asked for, the variances.
+    of a shape that past runs told; (0, 0, 0) for none. beside is another, of which each kind has follows (kinds,) times as much,
+    at its scale; of both the rows of readings count and, of what is asked for, the variances.
     """
     m = reading.shape[2]
     wide = m + asked
@@ -63,8 +64,8 @@ def mixture(
         amounts = rise[i, f] * relative + absolute
         types, own_types = np.einsum("kn,nrc->krc", amounts, parts), amounts @ singly
         if len(beside):
-            types[0] += rise[i, f] * beside[i, :m, :wide]
-            own_types[0] += rise[i, f] * np.diagonal(beside[i])[m:wide]
+            types += rise[i, f] * follows[:, None, None] * beside[i, :m, :wide]
+            own_types += rise[i, f] * follows[:, None] * np.diagonal(beside[i])[m:wide]
         rows = np.flatnonzero(active[i, f])
         whole = scale[rows, None, None] * types[kind[rows]] + under[rows, None, None] * types[0]
         own = scale[rows, None] * own_types[kind[rows]] + under[rows, None] * own_types[0]

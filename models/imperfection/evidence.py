@@ -109,6 +109,7 @@ class Run:
         there = list(zip(self.shape, self.blocks, self.asked, strict=True))
         self.moved = [np.ones((len(p.reading), 1)) if p.known is None else p.known.moved[:, None] for p in parts]
         self.wrong = [(NOTHING, NOTHING) if k is None else k.wrong(b.time, a, not prior.none) for k, b, a in there]
+        self.follows = [prior.follows(0.0 if k is None else k.others_share) for k in self.shape]
         self.beside = [None if k is None or k.beside is None else k.beside_at(b.time, b.spread, a) for k, b, a in there]
         law_rate = np.concatenate([np.full((len(p.reading), 2), np.nan) if p.log_rate is None else p.log_rate for p in parts])
         self.anchors = law_rate[:, :1] + np.maximum(law_rate[:, 1:], 1e-7) * ANCHORS
@@ -175,6 +176,7 @@ class Run:
                     self.absolute,
                     np.ascontiguousarray((self.moved[i][own] * rise[rows]) ** 2),
                     *(d[own] for d in doubts),
+                    self.follows[i],
                     self.kind[of],
                     self.scale[of],
                     self.under[of],

@@ -82,6 +82,8 @@ STRONG = (
 )
 
 
+#: Share of its heat (1 sd) that a body with a strong faster or slower part follows at each of other rates, where the heat is known.
+FOLLOWS = 0.2
 #: How likely it is that a sensor feels a slow part of its machine that is seen to take heat.
 BESIDE_SLOW = 0.5
 #: A strong effect in no more than so many records is known to be rare: ``calibrate`` says so where complete runs showed none.
@@ -172,6 +174,14 @@ class Imperfection:
                 row[len(COMPONENTS) :] = row[slow] * np.where(np.abs(np.arange(len(SLOW)) - mode) == 1, NEIGHBOUR_SHARE, 0.0)
                 row[len(COMPONENTS) + mode], row[slow] = row[slow], 0.0
         return relative, np.concatenate([np.array([absolute for _, absolute in both]), none], axis=1)
+
+    def follows(self, share: float) -> Array:
+        """(1 + effects,) variances of what a body follows of its heat at other rates, over that of the background, `share` (1 sd).
+
+        A strong faster or slower part follows each change of the heat, and not only the first, as the shapes of its component do.
+        """
+        strong = (FOLLOWS / share) ** 2 if share > 0.0 else 0.0
+        return np.array([1.0, *(strong if self.strong[i].slow or self.strong[i].fast else 0.0 for i, _ in self.effects())])
 
     def leans(self) -> Array:
         """Mean amplitude (H, slow modes), relative to the rise, of each hypothesis; that of the background is nought."""

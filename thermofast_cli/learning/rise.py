@@ -151,6 +151,7 @@ def _rise(fit: Fit, i: int, runs: _Runs, about: Array, other_modes: float) -> Ri
         as_logged(follows(seen, unit), held_others),
         held_doubt,
         held_others,
+        other_modes,
     )
 
 

@@ -56,7 +56,8 @@ class Known:
     first reading]: what is not proportional to the rise; beside_end (s,) [K] what it is in the limit. guessed: log_rate is no
     knowledge, but a guess from the record itself. others (s, J, n): columns as those of doubt, of the size that the background of
     machines typically has: how far this machine's is from it the readings tell. held_doubt, held_others: the same with what is
-    logged held, where that differs: what comes later says nothing of the limit.
+    logged held, where that differs: what comes later says nothing of the limit. others_share: share of its heat (1 sd) that each of
+    `others` is; 0 where there are none.
     """
 
     log_rate: Array
@@ -73,6 +74,7 @@ class Known:
     others: Array | None = None
     held_doubt: Array | None = None
     held_others: Array | None = None
+    others_share: float = 0.0
 
     @cached_property
     def turns(self) -> Array:

@@ -118,7 +118,7 @@ class Rise:
     """The rise of one sensor that a model with effects or a logged drive gives it in one run, in place of the law.
 
     curve, held, whole (L, n) over GRID, of rates whose logarithms are `nodes` (L,) off `log_rate`; doubt, others (J, n), beside
-    (k,) [K] at beside_time (k,) [min] and beside_end [K] as in :class:`Known`, and held_doubt, held_others as there.
+    (k,) [K] at beside_time (k,) [min] and beside_end [K] as in :class:`Known`, and held_doubt, held_others, others_share as there.
     """
 
     log_rate: float
@@ -133,6 +133,7 @@ class Rise:
     others: Array = field(default_factory=lambda: np.zeros((0, len(GRID))))
     held_doubt: Array = field(default_factory=lambda: np.zeros((0, len(GRID))))
     held_others: Array = field(default_factory=lambda: np.zeros((0, len(GRID))))
+    others_share: float = 0.0
 
     def about(self, log_rate: float) -> tuple[Array, Array, Array]:
         """The three curves (L, n) at nodes about another rate."""
@@ -263,6 +264,7 @@ class Past:
             np.array([r.others for r in rises]) if len(rises[0].others) else None,
             doubts[1],
             np.array([r.held_others for r in rises]) if len(rises[0].others) else None,
+            rises[0].others_share,
         )
 
 
