@@ -3,6 +3,9 @@
 import json
 import pickle
 import re
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +19,7 @@ from thermofast.models.drive import Drive
 from thermofast.models.effects import BUILT_IN as EFFECTS
 from thermofast.models.effects import Values
 from thermofast.plugins import effects, filters
-from thermofast.plugins.guard import PluginError
+from thermofast.plugins.guard import PluginError, contained
 from thermofast.plugins.trial import check_shapes
 
 HIDDEN, SPINDLE = ROOT / "sample_runs" / "hidden.csv", ROOT / "sample_runs" / "spindle.csv"
@@ -346,3 +349,35 @@ def test_one_number_of_each_row_may_stand_in_a_line():
     check_shapes(EFFECTS[0](), drive, run)
     assert drive.links[0][0].shape == (2, 1)
     assert np.isfinite(drive.forward(run, np.full(2, 0.02), np.full(2, 5.0), np.full(2, 20.0))).all()
+
+
+def test_what_foreign_code_prints_goes_aside_and_other_threads_print_where_they_did(capsys):
+    out, inside, told = sys.stdout, threading.Barrier(3), threading.Barrier(3)
+
+    def foreign(name):
+        with contained():
+            inside.wait(20.0)
+            print(name)
+            told.wait(20.0)
+        print(f"{name} done")
+
+    threads = [threading.Thread(target=foreign, args=(name,)) for name in ("one", "two")]
+    for thread in threads:
+        thread.start()
+    inside.wait(20.0)
+    print("a table")
+    told.wait(20.0)
+    for thread in threads:
+        thread.join()
+    assert sys.stdout is out  # whoever left last
+    printed = capsys.readouterr()
+    assert sorted(printed.out.split("\n")) == ["", "a table", "one done", "two done"]
+    assert sorted(printed.err.split()) == ["one", "two"]
+
+
+def test_standard_output_is_as_it_was_after_runs_in_threads():
+    out, run = sys.stdout, tf.read(SPINDLE)
+    with ThreadPoolExecutor(4) as pool:
+        statuses = list(pool.map(lambda minutes: tf.identify(run, until=minutes, jobs=1)[0].status, (40.0, 60.0, 80.0, 100.0)))
+    assert statuses == ["ok"] * 4
+    assert sys.stdout is out

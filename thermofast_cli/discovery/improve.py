@@ -17,6 +17,7 @@ from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError
+from ..learning.heat_law import HeatLaw, heat_law
 from ..learning.past import learnt_past, run_learnt_from
 from ..machine.modelfile import ModelFile, model_file
 from ..observing.observe import Observed
@@ -123,8 +124,21 @@ def _improve(task: LoopTask, spread: Spread) -> Improved:
             if not added.identifiable.ok:
                 notes.append(f"not determined by this record: {added.identifiable.why}")
     else:
-        stopped = "the base model was asked for"
+        law = followed(base.fit)
+        steps += [] if law is None else [_step(law.candidate.fit, prepared, task.until_min)]
+        stopped = asked_for_base(law)
     return _improved(task, observed, prepared, steps, stopped, [*notes, *at_rest(steps[-1].fit)], undecided)
+
+
+def followed(fit: Fit) -> HeatLaw | None:
+    """How the heat of a driven fit surely follows its drive, where that is not in proportion; mostly None."""
+    law = heat_law(fit) if fit.run.heat is not None else None
+    return law if law is not None and not law.may_be_none else None
+
+
+def asked_for_base(law: HeatLaw | None) -> str:
+    """Why no effect was added but the law by which the heat follows its drive, without which all rates would be off."""
+    return "the base model was asked for" + (f"; {law.words}, and not in proportion: that is in" if law is not None else "")
 
 
 def _found_steps(prepared: Ready, until: float | None, base: Step, found: Discovery) -> tuple[list[Step], str]:

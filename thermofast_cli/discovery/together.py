@@ -27,7 +27,7 @@ from ..observing.task import LoopTask, ahead_errors, as_told, check_inputs, ids_
 from ..plugins.effects import chosen_effects, load_effect
 from ..records import ImproveRecord, finite
 from .diagnose import search_run, search_together
-from .improve import Improved, or_else, status_of
+from .improve import Improved, asked_for_base, followed, or_else, status_of
 from .several import OneOf, common_runs, ready_runs
 from .wording import rivals
 
@@ -75,7 +75,10 @@ def improve_together(tasks: Sequence[LoopTask], spread: Spread = map) -> list[Im
     elif first.names:
         stopped, stages = _added(runs, stages[0], chosen_effects(first.names, first.extra))
     else:
-        stopped = "the base model was asked for"
+        laws = [law for fit in stages[0].fits if (law := followed(fit)) is not None]
+        more = _with(runs, stages[0], laws[0].candidate.parts[-1].effect) if laws else None
+        stages += [] if more is None else [more]
+        stopped = asked_for_base(laws[0] if more is not None else None)
     return [*_told(runs, stages, stopped, notes, own, undecided), *failed]
 
 

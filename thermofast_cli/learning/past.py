@@ -8,7 +8,6 @@ import numpy as np
 from thermofast.models import Observations
 from thermofast.models.coloured import fit_disturbed
 from thermofast.models.effects.base import Effect
-from thermofast.models.effects.load_step import DriveLaw
 from thermofast.models.imperfection import (
     COMPLETE,
     FAST_MODES,
@@ -28,10 +27,10 @@ from thermofast.models.imperfection import (
     widths_left_out,
 )
 from thermofast.models.joint import LEVEL, RATE, SINK, Fit, Key, fit_model
-from thermofast.models.search.candidates import Candidate, try_add
+from thermofast.models.search.candidates import Candidate
 from thermofast.models.search.discover import Discovery, discover
-from thermofast.models.search.dominant import beats_disturbance, likeliest, misfit_power
-from thermofast.models.search.judge import sensor_p_values, widening
+from thermofast.models.search.dominant import likeliest, misfit_power
+from thermofast.models.search.judge import sensor_p_values
 from thermofast.models.search.logged import follows_machine
 from thermofast.models.search.mutual import both_ways
 from thermofast.models.search.rules import RULES
@@ -44,6 +43,7 @@ from ..observing.observe import FEWEST_READINGS, observe
 from ..observing.task import LoopTask, Ready, ids_of, ready
 from ..plugins.effects import chosen_effects
 from ..plugins.guard import failed_status
+from .heat_law import heat_law
 from .jumps import cycles, last_change, longest_stay, stays
 from .rise import rises_of
 
@@ -248,17 +248,13 @@ def _as_it_follows(fit: Fit) -> tuple[Fit | None, list[str]]:
 
     None where that power may be 0, so that the heat may not follow at all.
     """
-    law = try_add(fit, DriveLaw())
-    if law is None or not law.identifiable.ok or not beats_disturbance(fit, law, RULES.false_alarm, 1):
+    law = heat_law(fit)
+    if law is None:
         return fit, []
-    at, effect = len(law.parts) - 1, law.parts[-1].effect
-    amplitude = Key(at, effect.amplitude)
-    power, error = 1.0 + float(law.fit.values[amplitude]), 1.96 * widening(law.fit) * float(law.fit.deviations[amplitude])
-    others = [p for p in effect.active(law.parts[-1].choice) if p.name != effect.amplitude]
-    beside = "".join(f", {p.name} {rounded(float(law.fit.values[Key(at, p.name)]))} {p.unit}" for p in others)
-    if power - error <= 0.0:
-        return None, [f"the heat may not follow {fit.run.drive} (power {power:.2g} ± {error:.2g}), and it is not counted"]
-    return fit_disturbed(law.fit), [f"the heat follows {fit.run.drive} to the power {power:.3g} ± {error:.2g}{beside}"]
+    if law.may_be_none:
+        why = f"the heat may not follow {fit.run.drive} (power {law.power:.2g} ± {law.half_width:.2g}), and it is not counted"
+        return None, [why]
+    return fit_disturbed(law.candidate.fit), [law.words]
 
 
 def _wishes(task: LoopTask) -> str:
@@ -340,7 +336,9 @@ def _knowledge(task: LoopTask) -> Knowledge:
         notes.append(
             f"it leaves a pattern in {', '.join(past.unexplained)} of what it was learnt from, for which intervals make room"
         )
-    rises = rises_of(carried.fit, prepared.whole, until_min=task.fitted_min)
+    # What a model of one rate leaves of its own runs follows another course of the drive in another way.
+    other_modes = DRIVEN if task.drive is not None and past.unexplained else 0.0
+    rises = rises_of(carried.fit, prepared.whole, until_min=task.fitted_min, other_modes=other_modes)
     known = {c: s for c, s in past.shapes.items() if c in rises}
     reached = _reached(rises, file, known)
     short = {c: share for c, share in reached.items() if share < REACHED}

@@ -4,10 +4,9 @@ import inspect
 import os
 import re
 import signal
-import sys
 import threading
 import traceback
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from thermofast.models import Observations
 from thermofast.models.drive import Drive
 
 from ..errors import NeedError, ThermofastError, nearest
+from .aside import printing_aside
 
 #: Seconds after which foreign code is taken to loop for ever.
 PATIENCE_S = 10.0
@@ -51,8 +51,7 @@ def watched(member: Any, what: str) -> Any:
 @contextmanager
 def contained() -> Any:
     """Keeps to itself what a call of foreign code changes of the process: where it prints, numpy's errors."""
-    # What it prints is for a person, not for the table that a pipe reads.
-    with redirect_stdout(sys.stderr), np.errstate(all="ignore"):
+    with printing_aside(), np.errstate(all="ignore"):
         yield
 
 
