@@ -215,12 +215,16 @@ def test_an_archive_of_several_files_is_refused_by_their_names(tmp_path):
         tf.read(path)
 
 
-def workbook(path, sheets):
+def workbook(path, sheets, value=0):
+    """A workbook of these sheets; value is what is stored of each formula."""
     with xlsxwriter.Workbook(path, {"default_date_format": "yyyy-mm-dd hh:mm:ss"}) as book:
         for name, rows in sheets.items():
             sheet = book.add_worksheet(name)
             for number, row in enumerate(rows):
                 sheet.write_row(number, 0, row)
+                for column, cell in enumerate(row):
+                    if isinstance(cell, str) and cell.startswith("="):
+                        sheet.write_formula(number, column, cell, value=value)
     return path
 
 
@@ -251,6 +255,36 @@ def test_of_several_sheets_one_must_be_named_and_stamps_stay_stamps(tmp_path):
     assert run.time_s.tolist() == [10.0 * i for i in range(30)]
     assert run.channels["T1"].tolist() == [20 + 0.5 * i for i in range(30)]
     assert list(run.ambient) == ["room"]
+
+
+def test_numbers_that_a_workbook_stores_as_text_are_read_as_the_numbers_beside_them(tmp_path):
+    """A column pasted as text, with decimal commas, took the commas' reading to the columns of numbers beside it."""
+    rows = [["time_min", "T1 [degC]", "T2 [degC]"], *([i, 20.5 + i, f"{30 + i},25"] for i in range(30))]
+    path = workbook(tmp_path / "text.xlsx", {"run": rows})
+    run = tf.read(path)
+    assert run.channels["T1 [degC]"].tolist() == [20.5 + i for i in range(30)]
+    assert run.channels["T2 [degC]"].tolist() == [30.25 + i for i in range(30)]
+    assert [g.text for g in run.guesses if g.about == "marks"] == [
+        "cells C2 and 29 more are text with a decimal comma ('30,25')"
+    ]
+    one = workbook(tmp_path / "one.xlsx", {"run": [*rows[:1], *([i, 20.5 + i, 30.5 + i] for i in range(28)), [28, "48,5", 58.5]]})
+    run = tf.read(one)
+    assert run.channels["T1 [degC]"][-1] == 48.5
+    assert [g.text for g in run.guesses if g.about == "marks"] == ["cell B30 is text with a decimal comma ('48,5')"]
+    rows[5][2] = "1,250"  # may be a thousand
+    with pytest.raises(tf.InputError, match="1,250"):
+        tf.read(workbook(tmp_path / "thousand.xlsx", {"run": rows}))
+
+
+def test_formulas_that_nobody_worked_out_are_told(tmp_path):
+    rows = [["time_min", "T1", "T2"], *([i, 20.5 + i, f"=B{i + 2}+1"] for i in range(30))]
+    told = "formulas without a stored value are empty cells"
+    run = tf.read(workbook(tmp_path / "formulas.xlsx", {"run": rows}, value=""))
+    assert told in [g.text for g in run.guesses]
+    assert tf.identify(run)["T2"].status == "no_data"
+    run = tf.read(workbook(tmp_path / "worked.xlsx", {"run": rows}, value=25.5))
+    assert told not in [g.text for g in run.guesses]
+    assert run.channels["T2"].tolist() == [25.5] * 30
 
 
 def test_columns_get_other_names_in_all_that_is_told(tool, tmp_path):

@@ -19,6 +19,7 @@ from thermofast.models.uncertainty.surroundings import room_paths
 
 from ..standards.stopping import DRAWS, Rule, asked_ahead, foretold_trips, hides
 from .estimate import Claims, Estimates, none_yet
+from .measured import began
 from .rules import RULES
 from .sensor import Sensors, left_at_end
 
@@ -293,9 +294,11 @@ def _with_past(
 
 def _before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> list[Array]:
     """How much warmer (S,) [K] the sensors of each block were where the record begins than the coolest of them, or the room."""
-    some = [float(c.found.initial[m].min()) for c, m in zip(closed, members, strict=True) if m.any()]
+    # A quick part has risen before the law of the others begins, and read as it was it began with them.
+    begun = [began(c.found, c.sensors) for c in closed]
+    some = [float(first[m].min()) for first, m in zip(begun, members, strict=True) if m.any()]
     coolest = float(np.nanmin([np.inf, *some, *(c.room[0] for c in closed if c.room is not None)]))
-    return [risen_before(c.found.initial, c.found.state[:, 0], coolest) for c in closed]
+    return [risen_before(first, c.found.state[:, 0], coolest) for first, c in zip(begun, closed, strict=True)]
 
 
 def _with_before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:

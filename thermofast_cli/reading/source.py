@@ -12,7 +12,7 @@ from typing import Any
 from ..errors import InputError, UsageError, listed, shown_name
 from ..reading_options import Options
 from .from_table import runs_from_table
-from .run import Run, as_asked
+from .run import Guess, Run, as_asked
 from .table import Table, read_parquet
 from .tables.cells import without_told
 from .tables.frames import NAME as IN_MEMORY
@@ -127,9 +127,10 @@ def _table(source: Any, options: Options, name: str | None, data: bytes | None) 
         return wide
     held = [unpacked(_bytes(path, limits) if data is None else data, name, limits)]
     if is_workbook(held[0]):
-        text, sheet = sheet_text(held.pop(), name, options.sheet, limits)
-        found = read_text(text, name, replace(options, delimiter=options.delimiter or ","))
-        return replace(found, notes=(f"Excel, sheet {sheet!r}", *found.notes[1:]), dialect=None)
+        sheet = sheet_text(held.pop(), name, options.sheet, limits)
+        found = read_text(sheet.text, name, replace(options, delimiter=options.delimiter or ","))
+        guesses = (*found.guesses, *(Guess("marks", text, way) for text, way in sheet.taken))
+        return replace(found, notes=(f"Excel, sheet {sheet.name!r}", *found.notes[1:]), dialect=None, guesses=guesses)
     if is_measured(held[0]):
         return without_told(measured_table(held.pop(), name, options.sheet, limits), options.missing)
     if options.sheet is not None:

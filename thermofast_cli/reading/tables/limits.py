@@ -18,6 +18,8 @@ PIECE = 1 << 20
 #: A cell of a sheet of Excel, and the place of a variable in a MATLAB file that is packed.
 CELL = re.compile(rb'<(?:\w+:)?c [^>]*?r="([A-Z]{1,3})([0-9]{1,7})"')
 PACKED_VARIABLE, MATLAB_HEAD = 15, 128
+#: A formula whose value was never worked out, as programs write it that are no spreadsheets.
+NO_VALUE = re.compile(rb"</(?:\w+:)?f>\s*(?:<(?:\w+:)?v\s*/>|<(?:\w+:)?v></|</(?:\w+:)?c>)")
 
 
 #: Bytes of a path, and of a part of it, that no system's paths have more of.
@@ -100,13 +102,16 @@ def _told(size: int) -> str:
     return f"{size >> 30} GiB" if size >= 1 << 30 else f"{size >> 20} MiB"
 
 
-def check_workbook(data: bytes, archive: zipfile.ZipFile, name: str, limits: Limits) -> None:
+def check_workbook(data: bytes, archive: zipfile.ZipFile, name: str, limits: Limits) -> bool:
     """What a workbook's members unpack to, whatever the archive says of it, and how far its cells reach.
+
+    Returns whether any cell is a formula without a stored value.
 
     Raises
     ------
     InputError: too much, or an archive that lies.
     """
+    unworked = False
     for member in archive.infolist():
         sheet = member.filename.startswith("xl/worksheets/")
         rows = columns = 0
@@ -116,8 +121,10 @@ def check_workbook(data: bytes, archive: zipfile.ZipFile, name: str, limits: Lim
                 for letters, row in CELL.findall(rest + piece):
                     if len(letters) > 2 or len(row) > 4:
                         rows, columns = max(rows, int(row)), max(columns, _column(letters))
+                unworked = unworked or NO_VALUE.search(rest + piece) is not None
                 rest = piece[-64:]
         limits.check_shape(f"{name}, {member.filename}", rows, columns)
+    return unworked
 
 
 def _column(letters: bytes) -> int:

@@ -3,9 +3,10 @@
 import csv
 import datetime as dt
 import io
+import re
 import zipfile
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...errors import InputError, UsageError, listed
 from ..moments.stamps import looks_like_stamp
@@ -15,10 +16,20 @@ from .packed import DAMAGED
 
 #: A sheet with fewer rows or columns is no record.
 LEAST_ROWS, LEAST_COLUMNS = 3, 2
+#: A number with a decimal comma that was stored as text; three digits behind the comma may be thousands.
+COMMA = re.compile(r"\s*([+-]?\d+),(\d{1,2}|\d{4,})\s*")
 
 
-def sheet_text(data: bytes, name: str, sheet: str | None, limits: Limits) -> tuple[bytes, str]:
-    """(comma-separated UTF-8 text, name of the sheet) of the sheet named, or of the only one that holds a table.
+class Sheet(NamedTuple):
+    """A sheet as comma-separated UTF-8 text, its name, and (what was taken for granted of its cells, the way to overrule it)."""
+
+    text: bytes
+    name: str
+    taken: tuple[tuple[str, str], ...]
+
+
+def sheet_text(data: bytes, name: str, sheet: str | None, limits: Limits) -> Sheet:
+    """The sheet named, or the only one that holds a table.
 
     Raises
     ------
@@ -27,10 +38,11 @@ def sheet_text(data: bytes, name: str, sheet: str | None, limits: Limits) -> tup
     """
     import python_calamine as calamine
 
+    unworked = False
     try:
         if data.startswith(b"PK"):
             with zipfile.ZipFile(io.BytesIO(data)) as archive:
-                check_workbook(data, archive, name, limits)
+                unworked = check_workbook(data, archive, name, limits)
         book = calamine.CalamineWorkbook.from_filelike(io.BytesIO(data))
     except (calamine.CalamineError, *DAMAGED) as error:
         raise InputError(
@@ -49,9 +61,41 @@ def sheet_text(data: bytes, name: str, sheet: str | None, limits: Limits) -> tup
             f"{name}: {len(tables)} sheets hold tables", found=listed(list(tables), 8), allowed="one", do="say which: --sheet NAME"
         )
     chosen, rows = next(iter(tables.items()))
+    taken = _as_numbers(rows, book.get_sheet_by_name(chosen).start or (0, 0))
+    if unworked:
+        taken.append(("formulas without a stored value are empty cells", "open the workbook in Excel and save it"))
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([_cell(c) for c in row] for row in rows)
-    return text.getvalue().encode("utf-8"), chosen
+    return Sheet(text.getvalue().encode("utf-8"), chosen, tuple(taken))
+
+
+def _as_numbers(rows: list[list[Any]], start: tuple[int, int]) -> list[tuple[str, str]]:
+    """In place, text with a decimal comma as the number that it is in a sheet that stores others as numbers; what was so taken.
+
+    Of a sheet of text alone the comma is that of all its cells, and of its numbers' reader.
+    """
+    if not any(isinstance(c, float) and c % 1.0 for row in rows for c in row):
+        return []
+    found = []
+    for i, row in enumerate(rows):
+        for j, cell in enumerate(row):
+            if isinstance(cell, str) and (number := COMMA.fullmatch(cell)):
+                row[j] = float(f"{number[1]}.{number[2]}")
+                found.append((f"{_letters(start[1] + j)}{start[0] + i + 1}", cell))
+    if not found:
+        return []
+    (place, cell), more = found[0], len(found) - 1
+    cells = f"cells {place} and {more} more are" if more else f"cell {place} is"
+    return [(f"{cells} text with a decimal comma ({cell!r})", "store them as numbers")]
+
+
+def _letters(column: int) -> str:
+    """A column (from 0) as Excel calls it."""
+    found = ""
+    while column >= 0:
+        column, letter = column // 26 - 1, column % 26
+        found = chr(65 + letter) + found
+    return found
 
 
 def _rows(book: Any, sheet: str) -> list[list[Any]]:
