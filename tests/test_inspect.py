@@ -264,9 +264,7 @@ def test_numbers_that_a_workbook_stores_as_text_are_read_as_the_numbers_beside_t
     run = tf.read(path)
     assert run.channels["T1 [degC]"].tolist() == [20.5 + i for i in range(30)]
     assert run.channels["T2 [degC]"].tolist() == [30.25 + i for i in range(30)]
-    assert [g.text for g in run.guesses if g.about == "marks"] == [
-        "cells C2 and 29 more are text with a decimal comma ('30,25')"
-    ]
+    assert [g.text for g in run.guesses if g.about == "marks"] == ["cells C2 and 29 more are text with a decimal comma ('30,25')"]
     one = workbook(tmp_path / "one.xlsx", {"run": [*rows[:1], *([i, 20.5 + i, 30.5 + i] for i in range(28)), [28, "48,5", 58.5]]})
     run = tf.read(one)
     assert run.channels["T1 [degC]"][-1] == 48.5

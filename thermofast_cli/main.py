@@ -11,7 +11,7 @@ import click
 
 from . import __version__
 from .errors import ThermofastError, nearest, visible
-from .output.pipe import Kept, with_streams
+from .output.pipe import Kept, with_streams, without_lines
 from .output.whole import written_together
 from .shell.made import ARGUMENTS
 from .workers.threads import set_before_loading
@@ -109,8 +109,7 @@ def run(arguments: list[str] | None = None) -> None:
         # A terminal that is closed ends the work as a word would, unless nohup said to go on.
         if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:
             signal.signal(signal.SIGHUP, end)
-    if sys.stdout is not None and hasattr(sys.stdout, "reconfigure"):
-        sys.stdout.reconfigure(errors="backslashreplace")  # a degree sign must not end the work on a plain terminal
+    without_lines()
     sys.stdout, sys.stderr = Kept.of(sys.stdout), Kept.of(sys.stderr)
     try:
         with written_together():

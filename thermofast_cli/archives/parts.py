@@ -207,6 +207,9 @@ def _check_same(folder: str, there: dict[str, Any], manifest: Manifest) -> None:
     old, new = there.get("settings") or {}, manifest.settings
     if old == new:
         return
+    if there.get("version") != manifest.version:  # which may have told its settings in another way
+        found = f"version {there.get('version')}, this is {manifest.version}"
+        raise UsageError(f"{folder}: its results are another version's", found=found, do="name another folder")
     names = sorted(set(old) | set(new))
     said = {n: f"--{re.sub('_(s|min)$', '', n).replace('_', '-')}" for n in names}
     differ = [f"{said[n]} {old.get(n, 'not given')}, now {new.get(n, 'not given')}" for n in names if old.get(n) != new.get(n)]

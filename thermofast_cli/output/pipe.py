@@ -1,8 +1,24 @@
 """Output whose reader may go, as ``| head`` does: the work goes on, files are written, and the exit code is that of the work."""
 
+import codecs
 import os
 import sys
 from typing import Any, TextIO, cast
+
+#: What a terminal without lines and signs is given in their place; what else it lacks is written as an escape.
+PLAIN = {"─": "-", "━": "-", "│": "|", "┃": "|", "±": "+/-", "°": "deg", "…": "...", "–": "-", "→": "->"}
+PLAIN |= dict.fromkeys("┌┐└┘├┤┬┴┼╭╮╰╯╞╡╪", "+")
+
+
+def _plain(error: UnicodeError) -> tuple[str, int]:
+    """Of a text that its stream cannot write, what it can: see :func:`codecs.register_error`."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lacking = error.object[error.start : error.end]
+    return "".join(PLAIN.get(c) or c.encode("ascii", "backslashreplace").decode() for c in lacking), error.end
+
+
+codecs.register_error("thermofast_plain", _plain)
 
 
 class Kept:
@@ -39,6 +55,13 @@ class Kept:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(cast(Any, self._stream), name)
+
+
+def without_lines() -> None:
+    """Lets a degree sign, or the lines of a table, end no work on a terminal that cannot show them."""
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None and hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="thermofast_plain")
 
 
 def with_streams() -> None:

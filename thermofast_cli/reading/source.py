@@ -30,6 +30,8 @@ LONGEST_HEAD = 1000
 #: Rows of another width, or with a cell that is no reading, that are left out of a growing file: more are another layout.
 MOST_CUT, CUT_ROW, BAD_ROW = 20, "is no whole row", "cannot be read"
 _BAD_ROW = re.compile(r", line (\d+)(: the row has \d+ cells)?(?(2)|.*: (?:not a number|no time in this row|unreadable time)$)")
+#: Columns that only the program's own tables have together: rows of results, and the trace of a filter.
+RESULTS, TRACE = frozenset({"run", "channel", "status", "message"}), frozenset({"run", "channel", "innovation_c"})
 #: How texts of two bytes a sign begin, whose lines are not parted here.
 WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
@@ -95,7 +97,20 @@ def read_table(source: Any, options: Options, name: str | None = None, data: byt
     ------
     InputError: as :func:`read_runs`.
     """
-    return _shown(_table(source, options, name, data))
+    table = _shown(_table(source, options, name, data))
+    _refuse_own(table, options)
+    return table
+
+
+def _refuse_own(table: Table, options: Options) -> None:
+    """Raises InputError of a table that the program wrote: its numbers are no readings."""
+    names = frozenset(table.columns)
+    if names >= RESULTS:
+        do = "name the record that it came from; results are read with pandas, DuckDB or Excel"
+        raise InputError(f"{table.name}: results of thermofast, and no record", found=listed(table.names, 5), do=do)
+    if names >= TRACE and not options.long:
+        do = "name the record that it came from; --long channel,reading_c takes its readings"
+        raise InputError(f"{table.name}: the trace of a filter, and no record", found=listed(table.names, 5), do=do)
 
 
 def _shown(table: Table) -> Table:

@@ -84,6 +84,13 @@ def find_time(table: Table, options: Options) -> Time:
             allowed="a row for each moment, a column for each sensor",
             do="turn the table (rows become columns), then name the time",
         )
+    empty = next((n for n in table.names if is_time_name(n) and not _has_value(table.columns[n])), None)
+    if empty is not None:
+        raise InputError(
+            f"{table.name}, column {empty!r}: no value",
+            allowed="a time in each row",
+            do="export the record again, or say --interval SECONDS if rows are evenly spaced",
+        )
     raise InputError(
         f"{table.name}: no time column",
         found=listed(table.names),
@@ -91,6 +98,13 @@ def find_time(table: Table, options: Options) -> Time:
         do="name it with --time NAME (and --time-unit), say --header-line N if the names stand in another line, or say --interval"
         " SECONDS if rows are evenly spaced",
     )
+
+
+def _has_value(column: "Array | list[str]") -> bool:
+    """Whether a column of a table holds anything."""
+    if isinstance(column, np.ndarray):
+        return bool(np.isfinite(column).any())
+    return any(cell.strip() for cell in column)
 
 
 def _with_colons(table: Table) -> Table:
