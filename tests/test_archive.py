@@ -132,7 +132,10 @@ def test_a_folder_is_guarded(archive, tool, tmp_path):
         assert done.code == 2
         assert what in done.err
     manifest = Path(into) / "_thermofast.json"
-    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"layout": 99}))
+    written = json.loads(manifest.read_text())
+    manifest.write_text(json.dumps(written | {"version": "0.1", "settings": {"--until": "60.0"}}))
+    assert "its results are another version's" in tool(*call, "-o", into, "--resume").err
+    manifest.write_text(json.dumps(written | {"layout": 99}))
     assert "results of another layout" in tool(*call, "-o", into, "--resume").err
 
 

@@ -9,7 +9,9 @@ import pytest
 
 import thermofast as tf
 from benchmarks.intervals.driven import judged
+from thermofast.learning import past
 from thermofast.learning.jumps import last_change, stays
+from thermofast.learning.rise import rises_of
 
 TIME = np.arange(0.0, 300.0, 1.0)
 POWER = np.where(TIME < 40, 600.0, np.where(TIME < 70, 300.0, np.where(TIME < 110, 900.0, 500.0)))
@@ -268,3 +270,49 @@ def test_a_drive_is_named_beside_its_model_as_without_one():
     assert bare == whole
     with pytest.raises(tf.UsageError, match="is not what the model was learnt with"):
         tf.compare(run, model=model, drive="flow")
+
+
+def squared(seed, power=POWER):
+    """A run whose heat goes as the square of the speed that is logged."""
+    body = response(50.0, 0.02, power, 20.0) + 0.02 * np.random.default_rng(seed).standard_normal(len(TIME))
+    table = {"time_min": TIME, "T1 [degC]": body, "speed": 6000.0 * (power / 900.0) ** 0.5}
+    return tf.read(table, inputs="speed", name=f"run {seed}")
+
+
+def test_a_model_is_learnt_with_the_power_to_which_the_heat_follows_its_drive():
+    """Taken in proportion, a spindle's rows by such a model were `ok` and kelvins beside the truth."""
+    one = tf.improve(squared(3), drive="speed")
+    both = tf.improve([squared(3), squared(4)], drive="speed", together=True)
+    for learnt in (one, both):
+        assert learnt.model.effects == ("load_step",)
+        (why,) = {r.stopped_because for r in learnt.records if r.stopped_because}
+        assert "the base model was asked for; the heat follows speed to the power 2" in why
+        cold = squared(5, np.where(TIME < 60.0, 300.0, 850.0))
+        row = tf.identify(cold, until=80, model=learnt.model)[0]
+        assert row.steady_state_lo_c <= 20.0 + 0.02 * 850.0 <= row.steady_state_hi_c
+        assert row.steady_state_c == pytest.approx(37.0, abs=0.15)
+    plain = tf.read({"time_min": TIME, "T1 [degC]": squared(3).channels["T1 [degC]"], "power": POWER}, inputs="power")
+    assert tf.improve(plain, drive="power").model.effects == ()
+    assert tf.improve(squared(3)).model.effects == ()  # without a drive
+
+
+@pytest.mark.parametrize(("drive", "share"), [("speed", past.DRIVEN), (None, 0.0)])
+def test_a_driven_model_that_leaves_a_pattern_may_follow_at_other_rates_too(monkeypatch, drive, share):
+    fast = 0.3 * response(4.0, 0.02, POWER, 20.0) + 0.7 * response(60.0, 0.02, POWER, 20.0)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(len(TIME))
+    run = tf.read({"time_min": TIME, "T1 [degC]": fast + noise, "speed": POWER}, inputs="speed")
+    model = tf.improve(run, drive=drive).model
+    assert past.past_of_model(model).unexplained == ("T1 [degC]",)
+    seen = []
+    monkeypatch.setattr(past, "rises_of", lambda *a, **more: seen.append(more["other_modes"]) or rises_of(*a, **more))
+    tf.identify(run, until=150, model=model, jobs=1)
+    assert seen == ([share] if drive else [])
+
+
+@pytest.mark.parametrize(
+    "of", [(41017, 0.1, "steps", 1.0), (41012, 0.1, "steps", 1.5), (41017, 0.1, "steps", 1.5), (41018, 0.2, "steps", 2.5)]
+)
+def test_a_fast_part_of_a_tenth_to_a_fifth_is_counted_as_the_drive_changes(of):
+    """Rows of benchmarks.intervals.driven that were `ok` beside the truth while only the first change was followed by such a part."""
+    *_, held, _ = judged(of)
+    assert held

@@ -569,3 +569,33 @@ def test_a_slice_of_results_is_a_tuple_of_every_kind():
     run = tf.read(ROOT / "sample_runs" / "spindle.csv")
     for found in (tf.identify(run, 60), tf.sweep(run, windows=40), tf.bench(run, until=60)):
         assert isinstance(found[:1], tuple)
+
+
+def test_what_the_program_wrote_is_no_record(tool, tmp_path):
+    rows, trace = tmp_path / "rows.csv", tmp_path / "trace.csv"
+    tool("identify", "sample_runs/spindle.csv", "--until", "60", "--channels", "T5", "-q", "-o", rows, "--trace", trace)
+    done = tool("identify", rows, "sample_runs/spindle.csv", "--until", "60", "--channels", "T5", "--format", "json", "-q")
+    told = json.loads(done.out)["records"]
+    assert [(r["status"], r["channel"]) for r in told] == [("unreadable", ""), ("ok", "T5")]
+    assert "results of thermofast, and no record" in told[0]["message"]
+    with pytest.raises(InputError, match="results of thermofast, and no record"):
+        tf.read(pd.read_csv(rows))
+    with pytest.raises(
+        InputError, match=r"(?s)the trace of a filter.*long='channel,reading_c' takes its readings|channel,reading_c"
+    ):
+        tf.read(trace)
+    assert list(tf.read(trace, long=("channel", "reading_c")).channels) == ["T5"]
+
+
+def test_a_time_column_without_a_value_is_named():
+    frame = pd.DataFrame({"time_min": np.full(60, np.nan), "T1": FRONT})
+    with pytest.raises(InputError, match="column 'time_min': no value"):
+        tf.identify(frame)
+
+
+def test_errors_of_functions_speak_of_their_arguments():
+    frame = pd.DataFrame({"time": MINUTES, "T1": FRONT})
+    with pytest.raises(InputError, match="time_unit='min' confirms it"):
+        tf.read(frame, strict=True)
+    with pytest.raises(UsageError, match=r"settings='afukf\.nope=1': afukf has no setting 'nope'"):
+        tf.identify(frame, settings={"afukf.nope": 1})

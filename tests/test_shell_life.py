@@ -66,3 +66,16 @@ def test_the_manual_page_has_every_command_and_option(tool, tmp_path):
         page.write_text(done.out)
         told = subprocess.run(["groff", "-ww", "-man", "-Tutf8", "-z", str(page)], capture_output=True, text=True, check=True)
         assert told.stderr == ""
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_a_terminal_without_lines_gets_plain_ones(encoding):
+    told = subprocess.run(
+        [sys.executable, "-m", "thermofast", "identify", "sample_runs/spindle.csv", "--until", "60", "--format", "table", "-q"],
+        capture_output=True,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"},
+        check=True,
+    ).stdout.decode(encoding)
+    assert "\\u" not in told
+    assert "----------" in told

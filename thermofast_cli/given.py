@@ -156,7 +156,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 def _as_called(error: ThermofastError, mine: Mapping[str, Any]) -> ThermofastError:
     """The error with a command's options under the names that a function has for them: ``--drive 'rpm'`` as ``drive='rpm'``."""
     known = {f.name: f.default for f in fields(Options)} | {"interval": None} | dict(mine)
-    spoken = {told: name for name, told in SPOKEN.items() if name != "interval_s"}
+    spoken = {told: name for name, told in SPOKEN.items() if name != "interval_s"} | {"set": "settings"}
 
     def name_of(found: "re.Match[str]") -> str:
         name = found[1].replace("-", "_")
@@ -165,6 +165,8 @@ def _as_called(error: ThermofastError, mine: Mapping[str, Any]) -> ThermofastErr
             return found[0]
         if known[name] is False:
             return f"{name}=True"
+        if found[3]:
+            return f"{name}={found[3].strip()!r}"
         # A value that stands behind it is given as one: drive='power'.
         return f"{name}=" if found[2] else name
 
@@ -174,8 +176,8 @@ def _as_called(error: ThermofastError, mine: Mapping[str, Any]) -> ThermofastErr
     return type(error)(said.pop("what"), **said)
 
 
-#: An option in a message, and the blank before a value in quotes, in capitals or in digits.
-_OPTION = re.compile(r"--([a-z][a-z0-9-]*[a-z0-9])( (?=['\"A-Z0-9-]))?")
+#: An option in a message, and the blank before a value in quotes, in capitals or in digits; or a word that confirms a guess.
+_OPTION = re.compile(r"--([a-z][a-z0-9-]*[a-z0-9])(?:( (?=['\"A-Z0-9-]))|( [a-z_]+)(?= confirms it))?")
 
 
 #: In place of runs: options are checked, and nothing is done.

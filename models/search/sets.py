@@ -10,7 +10,7 @@ import numpy as np
 
 from ..effects.base import Choice, Effect
 from ..joint import Fit, Key, Model, Part, fit_model, search, with_parts
-from .candidates import Candidate, first_order, partners, places, try_add, unmirrored
+from .candidates import Candidate, first_order, once_more, partners, places, try_add, unmirrored
 from .dominant import beside_others, misfit_power
 from .judge import chance, least_p, likelihood_ratios
 from .rules import RULES
@@ -324,11 +324,18 @@ def _with_rivals(base: Fit, down: list[Candidate], effects: Sequence[Effect], sp
     quick = [
         c for some in _replaced(base, top, effects, RULES.replaced, spread) for c in some if total_likelihood_ratio(base, c) > near
     ]
-    others = [e for e in effects if e.id not in top.ids]
-    alike = [(p, e) for p in top.parts for e in others if e.id in p.effect.mistaken_for or p.id in e.mistaken_for]
+    again = [once_more(p.effect, top.parts) for p in top.parts if p.effect.again and p.effect.number == 1]
+    others = [e for e in (*effects, *again) if e.id not in top.ids]
+    alike = [(p, e) for p in top.parts for e in others if _mistaken_for_each_other(p.effect, e)]
     found = _distinct(base, [*quick, *spread(partial(_mistaken, base, top), alike)])
     refined = [_unmirrored(c) for c in spread(partial(_refined, base, rounds=1), found[: RULES.rivals])]
     return _distinct(base, [*down, *(c for c in refined if _down(c))])
+
+
+def _mistaken_for_each_other(one: Effect, other: Effect) -> bool:
+    """Whether one of two effects is easily mistaken for the other, also where that one acts once more."""
+    ids = [e.id.partition(".")[0] for e in (one, other)]
+    return ids[0] != ids[1] and (ids[1] in one.mistaken_for or ids[0] in other.mistaken_for)
 
 
 def _mistaken(base: Fit, candidate: Candidate, change: tuple[Part, Effect]) -> Candidate | None:

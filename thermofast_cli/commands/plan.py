@@ -50,10 +50,11 @@ def command(
     told to be hopeless, with what is the limit: the readings, or the machine.
     """
     from ..errors import UsageError
-    from ..output.screen import interval, number, text
+    from ..output.screen import interval, number, progress, text
     from ..pipeline.around import design_like, plan_design
     from ..shell.options import numbers
     from ..shell.session import check_outputs, deliver, draw, load_imperfection, load_model, on_the_command_line, read_all
+    from ..workers.engine import Work
 
     said = [f"--{name.removesuffix('_min')}".replace("_", "-") for name in reading if on_the_command_line(name)]
     if like is None and said:
@@ -65,9 +66,10 @@ def command(
     base, replayed = None, None
     if like is not None:
         base, replayed = design_like(read_all((like,), reading, quiet, [output, save_plot], 1).runs[0], prior)
-    result = plan_design(
-        {k: v for k, v in given.items() if v is not None}, wishes[::-1], prior, base, None, replayed, load_model(model, extra)
-    )
+    learnt = load_model(model, extra)
+    with progress(1, "plan", quiet) as advance:
+        how = Work(None, advance=advance)
+        result = plan_design({k: v for k, v in given.items() if v is not None}, wishes[::-1], prior, base, how, replayed, learnt)
     drawn = [
         ("test", text("channel")),
         ("sensors", number("sensors", 0)),

@@ -199,7 +199,7 @@ def _records(
     times = widening(found.named.fit) if found.named is not None else 1.0
     beside = disturbed_deviations(found.named.fit, found.around) if found.named is not None else None
     left, steps = misfit(found.named.fit if found.named is not None else found.base), shares(found)
-    advice = f"{experiment_words(after)}; {advice}" if after else advice
+    advice = f"{experiment_words(after) or NONE_OPEN}; {advice}" if task.next_experiment else advice
     records = []
     for i, channel in enumerate(seen.channels):
         verdict = own_verdict(found, i)
@@ -262,6 +262,10 @@ def _next(
     if len(causes(found)) < 2 and (found.named is None or status != "not_determined"):
         return []
     return next_experiments(found, chosen_effects(task.names, task.extra), spread, before=before)
+
+
+#: What is said of a next experiment that nobody needs.
+NONE_OPEN = "next: no two causes are open that another run would part"
 
 
 def own_verdict(found: Discovery, sensor: int) -> str:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from thermofast.models.imperfection import NONE, SCATTER, Imperfection, Known, Part, Past, PastRun, Rates, learn_past, settle
 from thermofast.models.imperfection.draw import draw_record
+from thermofast.models.search.discover import Spread
 
 from ..analysis.watching import TOGETHER
 from ..analysis.watching import TURNS as WATCHED
@@ -126,26 +127,29 @@ def plan(
     advance: Callable[[int], None] = lambda _: None,
     past: Past | None = None,
     replayed: Array | None = None,
+    spread: Spread = map,
 ) -> tuple[list[PlanRecord], list[Curve]]:
     """A row for each alternative and tolerance [K], and the curves behind them; past: what runs of the machine have told.
 
     replayed (n,) [K]: half-widths at TURNS of a record of such a test, which know the machine better than any prior; alternatives
     are then worth what they are worth to machines in general.
     """
-    curves = []
     options = alternatives(design, prior, past)
-    for option in options:
-        curves.append(_curve(option))
+    others = [] if prior.none or replayed is not None else list(dict.fromkeys(o.design for o in options if o.design != design))
+    # Other readings alone would do after another time.
+    alone = [Option(LAW, one, NONE, "shared") for one in others]
+    every = []
+    for curve in spread(_curve, [*options, *alone]):
+        every.append(curve)
         advance(1)
+    curves = every[: len(options)]
     if replayed is not None:
         curves = _as_replayed(curves, [option.past is not None for option in options] if past else [], replayed)
     asked = next((c for c in curves if c.name == LAW), curves[0])
-    laws: dict[Design, Curve] = {design: asked}
+    laws: dict[Design, Curve] = {design: asked, **dict(zip(others, every[len(options) :], strict=True))}
     rows = []
     for option, curve in zip(options, curves, strict=True):
         one = option.design
-        if one not in laws and not prior.none and replayed is None:
-            laws[one] = _curve(Option(LAW, one, NONE, "shared"))  # other readings alone would do after another time
         law = laws.get(one, asked)
         for tolerance in tolerances_c:
             each = [needed(curve.time, line, tolerance) for line in curve.draws]

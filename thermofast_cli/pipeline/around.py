@@ -10,7 +10,8 @@ from ..experiments.simulated import Simulated
 from ..reading.headings.called import columns_named
 from ..records import IdentifyRecord
 from ..results import Bench, Calibration, Changes, Displacement, Plan, Sensitivity, Validation
-from ..workers.engine import Started, Work, over_runs
+from ..workers.engine import Started, Work, over_runs, sharing
+from ..workers.pool import cores
 
 if TYPE_CHECKING:
     from numpy import float64
@@ -209,7 +210,9 @@ def plan_design(
             noises = [s.noise_c for s in past.shapes.values() if s.noise_c > 0.0]
             told |= {"noise_c": median(noises)} if noises else {}
         given = {**told, **given}
-    rows, curves = plan(replace(base or Design(), **given), tolerances_c, prior, (how or Work()).advance, past, replayed)
+    how = how or Work(1)
+    with sharing((), how.jobs if how.jobs is not None else cores(), True) as spread:
+        rows, curves = plan(replace(base or Design(), **given), tolerances_c, prior, how.advance, past, replayed, spread)
     return Plan(tuple(rows), curves=tuple(curves))
 
 
