@@ -450,7 +450,7 @@ def test_errors_name_keywords_where_keywords_were_given(frame):
         tf.identify(SPINDLE, drive="power")
     assert "drive='power' is no logged input" in str(told.value)
     assert "name a column with inputs to make it one" in str(told.value)
-    with pytest.raises(tf.InputError, match=r"strict=True refuses.*\n.*\n.*time_unit min confirms it"):
+    with pytest.raises(tf.InputError, match=r"strict=True refuses.*\n.*\n.*time_unit='min' confirms it"):
         tf.read(frame.rename(columns={"time_min": "Time"}), strict=True)
     with pytest.raises(tf.UsageError) as wrong:
         tf.read(SPINDLE, time="T99")

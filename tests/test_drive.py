@@ -286,27 +286,30 @@ def test_a_model_is_learnt_with_the_power_to_which_the_heat_follows_its_drive():
     for learnt in (one, both):
         assert learnt.model.effects == ("load_step",)
         (why,) = {r.stopped_because for r in learnt.records if r.stopped_because}
-        assert "the base model was asked for; the heat follows speed to the power 2" in why
+        power, error = map(
+            float, re.search(r"was asked for; the heat follows speed to the power (\S+) ± (\S+), and not", why).groups()
+        )
+        assert abs(power - 2.0) <= error < 0.05
         cold = squared(5, np.where(TIME < 60.0, 300.0, 850.0))
         row = tf.identify(cold, until=80, model=learnt.model)[0]
         assert row.steady_state_lo_c <= 20.0 + 0.02 * 850.0 <= row.steady_state_hi_c
-        assert row.steady_state_c == pytest.approx(37.0, abs=0.15)
+        assert row.steady_state_hi_c - row.steady_state_lo_c < 2.0
     plain = tf.read({"time_min": TIME, "T1 [degC]": squared(3).channels["T1 [degC]"], "power": POWER}, inputs="power")
     assert tf.improve(plain, drive="power").model.effects == ()
     assert tf.improve(squared(3)).model.effects == ()  # without a drive
 
 
-@pytest.mark.parametrize(("drive", "share"), [("speed", past.DRIVEN), (None, 0.0)])
-def test_a_driven_model_that_leaves_a_pattern_may_follow_at_other_rates_too(monkeypatch, drive, share):
-    fast = 0.3 * response(4.0, 0.02, POWER, 20.0) + 0.7 * response(60.0, 0.02, POWER, 20.0)
+@pytest.mark.parametrize(("part", "share"), [(0.3, past.DRIVEN), (0.0, 0.0)])
+def test_a_driven_model_that_leaves_a_pattern_may_follow_at_other_rates_too(monkeypatch, part, share):
+    fast = part * response(4.0, 0.02, POWER, 20.0) + (1.0 - part) * response(60.0, 0.02, POWER, 20.0)
     noise = 0.02 * np.random.default_rng(1).standard_normal(len(TIME))
     run = tf.read({"time_min": TIME, "T1 [degC]": fast + noise, "speed": POWER}, inputs="speed")
-    model = tf.improve(run, drive=drive).model
-    assert past.past_of_model(model).unexplained == ("T1 [degC]",)
+    model = tf.improve(run, drive="speed").model
+    assert past.past_of_model(model).unexplained == (("T1 [degC]",) if part else ())
     seen = []
     monkeypatch.setattr(past, "rises_of", lambda *a, **more: seen.append(more["other_modes"]) or rises_of(*a, **more))
     tf.identify(run, until=150, model=model, jobs=1)
-    assert seen == ([share] if drive else [])
+    assert seen == [share]
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from thermofast.models.effects import BUILT_IN
 from thermofast.models.search import candidates, discover, dominant, sets
 from thermofast.models.search.judge import Identifiability
 
@@ -517,3 +518,18 @@ def test_the_size_of_what_is_named_is_told_beside_the_best_pair_that_holds_it(ba
     pairs = [other, _made("b+c", 990.0, left=0.1), best, _made("a+d", 950.0, left=2.1), _made("a+e", 950.0, left=0.1, ok=False)]
     assert discover._around(base, named, pairs) is best
     assert discover._around(base, named, [_made("a+d", 950.0, left=2.1), _made("a+e", 950.0, left=0.1, physical=False)]) is None
+
+
+def test_a_slow_part_once_more_is_a_rival_of_a_reading_that_walks(monkeypatch, base):
+    """Of a network of masses sensor_drift was named, and sure, for the second slow part of one sensor."""
+    kinds, asked = {kind.id: kind() for kind in BUILT_IN}, []
+    top = _set("second_mode+sensor_drift", 500.0)
+    for part in top.parts:
+        part.effect = kinds[part.id]
+    monkeypatch.setattr(sets, "_replaced", lambda *_: [])
+    monkeypatch.setattr(sets, "_mistaken", lambda base, top, change: asked.append((change[0].id, change[1].id)))
+    monkeypatch.setattr(sets, "_refined", lambda base, c, rounds: c)
+    sets._with_rivals(base, [top], list(kinds.values()), map)
+    assert ("sensor_drift", "second_mode.2") in asked
+    assert ("second_mode", "second_mode.2") not in asked
+    assert ("sensor_drift", "load_step") not in asked

@@ -231,8 +231,13 @@ def larger_sets(base: Fit, pairs: list[Candidate], effects: Sequence[Effect], fa
         if down:
             down = _with_rivals(base, down, effects, spread)
             needed = spread(partial(of_needed_effects, base, false_alarm=false_alarm, number=len(effects)), down)
-            return Sets(tuple(down), tuple(_distinct(base, needed)))
+            return Sets(tuple(down), tuple(_distinct(base, (c for c in needed if c is not None and _in_turn(c)))))
     return Sets()
+
+
+def _in_turn(candidate: Candidate) -> bool:
+    """Whether what acts once more does so beside the first of its kind: alone it is no other set than with that one."""
+    return all(p.effect.number == 1 or p.id.partition(".")[0] in candidate.ids for p in candidate.parts)
 
 
 def _with_one_less(base: Fit, candidate: Candidate) -> list[Candidate]:
@@ -324,7 +329,7 @@ def _with_rivals(base: Fit, down: list[Candidate], effects: Sequence[Effect], sp
     quick = [
         c for some in _replaced(base, top, effects, RULES.replaced, spread) for c in some if total_likelihood_ratio(base, c) > near
     ]
-    again = [once_more(p.effect, top.parts) for p in top.parts if p.effect.again and p.effect.number == 1]
+    again = [once_more(p.effect, top.parts) for p in top.parts if p.effect.again and p.effect.number == 1 and not p.effect.event]
     others = [e for e in (*effects, *again) if e.id not in top.ids]
     alike = [(p, e) for p in top.parts for e in others if _mistaken_for_each_other(p.effect, e)]
     found = _distinct(base, [*quick, *spread(partial(_mistaken, base, top), alike)])

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,7 +140,7 @@ def plan(
     # Other readings alone would do after another time.
     alone = [Option(LAW, one, NONE, "shared") for one in others]
     every = []
-    for curve in spread(_curve, [*options, *alone]):
+    for curve in spread(partial(_curve, TURNS, DRAWS), [*options, *alone]):
         every.append(curve)
         advance(1)
     curves = every[: len(options)]
@@ -303,17 +304,17 @@ class _Machine:
         return reading
 
 
-def _curve(option: Option) -> Curve:
+def _curve(turns: Array, draws: int, option: Option) -> Curve:
     design, past = option.design, option.past
     machine, prior = _Machine.of(option), option.prior if past is None else past.prior(option.prior)
     sensors = len(machine.names)
-    half, widths = np.full((DRAWS, len(TURNS)), np.nan), np.zeros(sensors)
-    for k, turn in enumerate(TURNS):
+    half, widths = np.full((draws, len(turns)), np.nan), np.zeros(sensors)
+    for k, turn in enumerate(turns):
         span = turn * design.tau_min
         count = span * 60.0 / design.interval_s + 1.0
         if count < 6.0:
             continue
-        for d in range(DRAWS):
+        for d in range(draws):
             # So many readings of other noise say the same as all of them, and every alternative meets the same machines.
             rng = np.random.default_rng([7, d, k])
             noise = np.full(sensors, design.noise_c * math.sqrt(READINGS / count))
@@ -327,7 +328,7 @@ def _curve(option: Option) -> Curve:
     half = np.where(np.isfinite(half), half, np.nan)
     return Curve(
         option.name,
-        TURNS * design.tau_min,
+        turns * design.tau_min,
         np.where(np.isfinite(middle), middle, np.nan),
         half,
         _last(machine.names, widths) if past else "",

@@ -15,7 +15,7 @@ class _Parted:
         self.before = before
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(sys.stderr if getattr(_state.thread, "depth", 0) else self.before, name)
+        return getattr(sys.stderr if getattr(_state.thread, "inside", 0) else self.before, name)
 
 
 class _State:
@@ -37,11 +37,11 @@ def printing_aside() -> Iterator[None]:
         _state.users += 1
         if sys.stdout is not None and not isinstance(sys.stdout, _Parted):
             sys.stdout = _Parted(sys.stdout)
-    _state.thread.depth = getattr(_state.thread, "depth", 0) + 1
+    _state.thread.inside = getattr(_state.thread, "inside", 0) + 1
     try:
         yield
     finally:
-        _state.thread.depth = getattr(_state.thread, "depth", 1) - 1
+        _state.thread.inside = getattr(_state.thread, "inside", 1) - 1
         with _state.lock:
             _state.users -= 1
             if _state.users <= 0 and isinstance(sys.stdout, _Parted):

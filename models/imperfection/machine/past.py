@@ -160,11 +160,11 @@ class Past:
     pattern: its effects stand for what is missing in it, too, and are others in another run. searched: the rises are of effects
     that a search of the run at hand chose, for `all` its sensors or for `each` by itself: they must make its readings likelier than
     a machine's usual disturbance does; unsure: they are not sure enough to be named, and count where the law does not hold.
-    stayed_min: how long the heat of the rises, where it is logged, stayed where it was at most;
-    changed_min: when it jumped last [min of the run]. cycles: it goes on and off, and what lies beyond the log is for its mean.
-    open_end: sensors of which a limit is trusted no farther than the readings at hand go: something happened in the only run learnt
-    from, and a slow mass may be hidden in it, or that run ended far from where the model does; unreached: of each sensor the share
-    of its rise by which its limit may be off, as no run learnt from came to it.
+    stayed_min: how long the heat of the rises, where it is logged, stayed where it was at most; changed_min: when it jumped last
+    [min of the run]. cycles: it goes on and off, and what lies beyond the log is for its mean. open_end: sensors of which a limit
+    is trusted no farther than the readings at hand go: something happened in the only run learnt from, and a slow mass may be
+    hidden in it, or that run ended far from where the model does; unreached: of each sensor the share of its rise by which its
+    limit may be off, as no run learnt from came to it.
     """
 
     shapes: dict[str, SensorShape]
@@ -248,6 +248,7 @@ class Past:
         about = [r.about(s.log_rate) for r, s in zip(rises, shapes, strict=True)]
         curve, held, whole = (np.array([three[k] + more for three, more in zip(about, own, strict=True)]) for k in range(3))
         both = [r.doubt for r in rises], [r.held_doubt for r in rises]
+        others = [np.array(of) if len(of[0]) else None for of in ([r.others for r in rises], [r.held_others for r in rises])]
         doubts = [_padded([np.concatenate(two) for two in zip(doubt, of, strict=True)]) for of in both]
         return Known(
             log_rate,
@@ -261,9 +262,9 @@ class Past:
             np.array([r.beside for r in rises]),
             np.array([r.beside_end for r in rises]),
             self.guessed,
-            np.array([r.others for r in rises]) if len(rises[0].others) else None,
+            others[0],
             doubts[1],
-            np.array([r.held_others for r in rises]) if len(rises[0].others) else None,
+            others[1],
             rises[0].others_share,
         )
 
