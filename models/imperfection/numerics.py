@@ -154,3 +154,9 @@ def reach(three: Array, side: float, deviation: float) -> None:
     if np.isfinite(far) and side:
         end = 2 if side > 0.0 else 0
         three[end] = max(three[end], far) if side > 0.0 else min(three[end], far)
+
+
+def padded(columns: list[Array]) -> Array:
+    """Columns (J, n) of each sensor, to the most of any with columns of nought (s, J, n)."""
+    most = max(len(d) for d in columns)
+    return np.array([np.pad(d, ((0, most - len(d)), (0, 0))) for d in columns])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...arrow import covariance_root
 from ...decay import LOG_TWENTY
 from ..blocks import Part, block_means
-from ..numerics import SIGMAS
+from ..numerics import SIGMAS, padded
 from ..prior import Imperfection, Sizes
 from ..shapes import Asked, covariances, law, of_room
 from .known import FAST_MODES, SLOW_MODES, Known, modes, within
@@ -249,7 +249,7 @@ class Past:
         curve, held, whole = (np.array([three[k] + more for three, more in zip(about, own, strict=True)]) for k in range(3))
         both = [r.doubt for r in rises], [r.held_doubt for r in rises]
         others = [np.array(of) if len(of[0]) else None for of in ([r.others for r in rises], [r.held_others for r in rises])]
-        doubts = [_padded([np.concatenate(two) for two in zip(doubt, of, strict=True)]) for of in both]
+        doubts = [padded([np.concatenate(two) for two in zip(doubt, of, strict=True)]) for of in both]
         return Known(
             log_rate,
             GRID,
@@ -267,12 +267,6 @@ class Past:
             others[1],
             rises[0].others_share,
         )
-
-
-def _padded(columns: list[Array]) -> Array:
-    """Columns (J, n) of each sensor, to the most of any with columns of nought (s, J, n)."""
-    most = max(len(d) for d in columns)
-    return np.array([np.pad(d, ((0, most - len(d)), (0, 0))) for d in columns])
 
 
 @dataclass(frozen=True)
