@@ -5,6 +5,7 @@ count all that comes later as the disturbances of a machine at rest.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,6 +117,15 @@ def risen_before(first: Array, last: Array, coolest: float) -> Array:
     first, last (S,) [degC] are where they begin and end; within APART_K, and a share APART of that way, they began alike.
     """
     return np.asarray(np.maximum(first - coolest - np.maximum(APART_K, APART * np.abs(last - first)), 0.0))
+
+
+def all_before(
+    first: Sequence[Array], last: Sequence[Array], members: Sequence[NDArray[np.bool_]], rooms: Sequence[float]
+) -> list[Array]:
+    """:func:`risen_before` of blocks of sensors (S,), of which members are one machine's; rooms [degC] that are logged."""
+    coolest = [float(one[mine].min()) for one, mine in zip(first, members, strict=True) if mine.any()]
+    least = float(np.nanmin([np.inf, *coolest, *rooms]))
+    return [risen_before(one, then, least) for one, then in zip(first, last, strict=True)]
 
 
 def rest_of_warm(before: Array, shown: Array, turns: Array) -> Array:

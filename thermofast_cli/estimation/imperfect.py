@@ -14,7 +14,7 @@ from thermofast.models import averaging_window, bridged, difference_noise, spike
 from thermofast.models.imperfection import Imperfection, Part, Past, Rates, SensorShape, Settled, pilot, settle
 from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
-from thermofast.models.uncertainty.companions import faster, halves, moved_since, rest_of_warm, risen_before, slow_parts, went_back
+from thermofast.models.uncertainty.companions import all_before, faster, halves, moved_since, rest_of_warm, slow_parts, went_back
 from thermofast.models.uncertainty.surroundings import room_paths
 
 from ..standards.stopping import DRAWS, Rule, asked_ahead, foretold_trips, hides
@@ -293,12 +293,14 @@ def _with_past(
 
 
 def _before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> list[Array]:
-    """How much warmer (S,) [K] the sensors of each block were where the record begins than the coolest of them, or the room."""
-    # A quick part has risen before the law of the others begins, and read as it was it began with them.
-    begun = [began(c.found, c.sensors) for c in closed]
-    some = [float(first[m].min()) for first, m in zip(begun, members, strict=True) if m.any()]
-    coolest = float(np.nanmin([np.inf, *some, *(c.room[0] for c in closed if c.room is not None)]))
-    return [risen_before(first, c.found.state[:, 0], coolest) for first, c in zip(begun, closed, strict=True)]
+    """How much warmer (S,) [K] the sensors of each block were where the record begins than the coolest of them, or the room.
+
+    A quick part has risen before the law of all begins: where that law says that one was warm, its first readings must, too.
+    """
+    last, rooms = [c.found.state[:, 0] for c in closed], [c.room[0] for c in closed if c.room is not None]
+    by_law = all_before([c.found.initial for c in closed], last, members, rooms)
+    as_read = any(before.any() for before in by_law)
+    return all_before([began(c.found, c.sensors) for c in closed], last, members, rooms) if as_read else by_law
 
 
 def _with_before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:

@@ -62,7 +62,7 @@ def sheet_text(data: bytes, name: str, sheet: str | None, limits: Limits) -> She
         )
     chosen, rows = next(iter(tables.items()))
     taken = _as_numbers(rows, book.get_sheet_by_name(chosen).start or (0, 0))
-    if unworked:
+    if unworked and any("" in row for row in rows):
         taken.append(("formulas without a stored value are empty cells", "open the workbook in Excel and save it"))
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([_cell(c) for c in row] for row in rows)
