@@ -50,6 +50,13 @@ def test_identify_has_a_summary_the_records_the_curves_and_a_chart_of_each_senso
     assert len(drawn) == 4
     # A chart names the cells that hold what it shows: the measured curve of the second sensor.
     assert "curves!$I$2:$I$402" in drawn[2]
+    # An axis about what is drawn, and the times that matter as lines from its one end to the other.
+    assert '<c:min val="17.5"/>' in drawn[0]
+    assert '<c:max val="26.5"/>' in drawn[0]
+    marks = {label: [v for v in curves[f"T1 {label}"] if v != ""] for label in ("identification time min", "95 % of the rise degC")}
+    assert marks == {"identification time min": [60.0, 60.0], "95 % of the rise degC": [17.5, 26.5]}
+    assert [label in drawn[0] for label in ("identification time", "95 % of the rise")] == [True, True]
+    assert "identification time" not in drawn[1]
     assert found["curves"][0][7:11] == ["T8 time min", "T8 measured degC", "T8 residual K", "T8 model time min"]
 
 
@@ -94,6 +101,7 @@ def test_a_sweep_of_several_sensors_is_one_sheet_that_names_them(tmp_path):
     assert found["times"][0] == [
         *("T1 time min", "T1 window 40 min K", "T1 window 50 min K"),
         *("T5 time min", "T5 window 40 min K", "T5 window 50 min K"),
+        *("T5 shortest time that serves min", "T5 shortest time that serves K"),
     ]
 
 

@@ -74,6 +74,10 @@ def write_sheets(path: str, sheets: Sequence[Sheet]) -> None:
             drawings += sheet.drawings
         if drawings:
             drawn = book.add_worksheet("charts")
+            drawn.set_landscape()
+            drawn.set_paper(9)  # A4
+            drawn.fit_to_pages(1, 0)
+            drawn.set_h_pagebreaks([2 * DOWN * (k + 1) for k in range(len(drawings) // (2 * ACROSS))])
             for k, drawing in enumerate(drawings):
                 drawn.insert_chart(DOWN * (k // ACROSS), OVER * (k % ACROSS), _chart(book, drawing))
     Path(path).write_bytes(whole.getbuffer())
@@ -157,7 +161,7 @@ def _chart(book: Any, drawing: Drawing) -> Any:
     drawn = book.add_chart({"type": drawing.kind, **({"subtype": "straight"} if drawing.kind == "scatter" else {})})
     for line in drawing.lines:
         pen = {"none": True} if line.points else {"width": 1.5, "color": line.colour, "dash_type": line.dash}
-        marker = {"type": "circle", "size": 3, "fill": {"color": line.colour}, "border": {"none": True}}
+        marker = {"type": "circle", "size": 2, "fill": {"color": line.colour}, "border": {"none": True}}
         style: dict[str, Any] = {"line": pen, "marker": marker if line.points else {"type": "none"}}
         if drawing.kind == "bar":
             style = {"fill": {"color": line.colour}}
@@ -171,7 +175,13 @@ def _chart(book: Any, drawing: Drawing) -> Any:
         )
     drawn.set_title({"name": _label(drawing.title), "name_font": {"size": 11}, "overlay": False})
     drawn.set_x_axis({"name": drawing.x, "major_gridlines": {"visible": False}})
-    drawn.set_y_axis({"name": drawing.y, **({"reverse": True} if drawing.kind == "bar" else {})})
+    ends = dict(zip(("min", "max"), drawing.ends, strict=True)) if drawing.ends is not None else {}
+    # A label of a strip that goes below zero stands at its lower end.
+    crossing = {"crossing": "min"} if drawing.ends is not None else {}
+    lines = {"visible": True, "line": {"color": "#D9D9D9"}}
+    drawn.set_y_axis(
+        {"name": drawing.y, "major_gridlines": lines, **ends, **crossing, **({"reverse": True} if drawing.kind == "bar" else {})}
+    )
     drawn.set_legend({"position": "bottom"} if len(drawing.lines) > 1 else {"none": True})
     drawn.set_size({"width": 560, "height": 330})
     return drawn

@@ -1,17 +1,18 @@
 """The charts of a result, and the ranking of ``diagnose``, as tables of a workbook with Excel's own charts."""
 
+import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .charts import STROKES, Chart, Series, charts_of, thinned
+from .charts import STROKES, Chart, Series, Strip, charts_of, thinned
 
 if TYPE_CHECKING:
     from ...results import Result
 
-COLOURS = {"measured": "#5B6770", "model": "#C1440E", "band": "#E8A688"}
+COLOURS = {"measured": "#5B6770", "model": "#C1440E", "band": "#E8A688", "mark": "#1F4E9C", "done": "#3B7D3B", "trip": "#7A4E9C"}
 UNITS = {"°C": "degC"}
 #: Points of each curve: more than a picture shows.
 MOST_POINTS = 2000
@@ -34,7 +35,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Drawing:
-    """kind is scatter, line or bar, as Excel has it; sheet holds its numbers."""
+    """kind is scatter, line or bar, as Excel has it; sheet holds its numbers; ends of its y axis, where these are set."""
 
     kind: str
     title: str
@@ -42,6 +43,7 @@ class Drawing:
     y: str
     sheet: str
     lines: tuple[Line, ...]
+    ends: tuple[float, float] | None = None
 
 
 @dataclass
@@ -65,7 +67,8 @@ def extra_sheets(result: "Result[Any]") -> list[Sheet]:
 def _sheet(title: str, charts: list[Chart]) -> Sheet:
     """Columns of different lengths: each axis once, that of the measurements first, and beside it what stands over it."""
     columns: list[tuple[str, list[Any]]] = []
-    drawings = []
+    drawings: list[Drawing] = []
+    marked: list[tuple[int, str, Chart]] = []
     for chart in charts:
         kept = thinned(chart, MOST_POINTS, MOST_POINTS)
         before = f"{chart.title} " if chart.sheet != "steps" or len(charts) > 1 else ""
@@ -80,12 +83,33 @@ def _sheet(title: str, charts: list[Chart]) -> Sheet:
                     columns.append((f"{before}{label} {UNITS.get(strip.unit, strip.unit)}", _cells(values[some])))
                     lines[id(strip)].append(_line(s, label, at, len(columns) - 1, len(some)))
         for strip in chart.strips:
+            ends = None if chart.names else _ends(strip)
             name = f"{chart.title}: residual" if strip.residual else re.split(r"[;.] ", chart.label)[0][:LONGEST_TITLE]
             kind, across = ("line", "") if chart.names else ("scatter", chart.axis)
-            drawings.append(Drawing(kind, name, across, UNITS.get(strip.unit, strip.unit), title, tuple(lines[id(strip)])))
+            unit = UNITS.get(strip.unit, strip.unit)
+            drawings.append(Drawing(kind, name, across, unit, title, tuple(lines[id(strip)]), ends))
+            if ends is not None and not strip.residual:
+                marked.append((len(drawings) - 1, before, chart))
+    for number, before, chart in marked:  # behind the curves, each mark two points from end to end
+        for place, look, label in chart.marks:
+            drawing, column = drawings[number], f"{before}{label}"
+            columns += [(f"{column} {chart.axis}", [float(place)] * 2), (f"{column} {drawing.y}", list(drawing.ends or ()))]
+            mark = Line(label, len(columns) - 2, len(columns) - 1, 2, COLOURS[look], dash="long_dash")
+            drawings[number] = replace(drawing, lines=(*drawing.lines, mark))
     longest = max((len(cells) for _, cells in columns), default=0)
     filled = [[*cells, *[None] * (longest - len(cells))] for _, cells in columns]
     return Sheet(title, [n for n, _ in columns], [list(row) for row in zip(*filled, strict=True)], drawings)
+
+
+def _ends(strip: Strip) -> tuple[float, float] | None:
+    """Round numbers about all that a strip shows: by itself Excel begins at zero, where nothing is."""
+    values = np.concatenate([np.asarray(v, dtype=float).ravel() for s in strip.series for v in (s.y, s.high) if v is not None])
+    values = values[np.isfinite(values)]
+    if not len(values) or not np.ptp(values) > 0.0:
+        return None
+    low, high = float(values.min()), float(values.max())
+    step = 10.0 ** math.floor(math.log10(high - low)) / 2.0
+    return math.floor(low / step) * step, math.ceil(high / step) * step
 
 
 def _axis(chart: Chart, series: Series) -> str:
