@@ -181,3 +181,21 @@ def test_a_probe_that_came_off_is_in_doubt_whatever_else_is_said(monkeypatch):
     monkeypatch.setattr(verdicts, "came_loose", lambda *_: {0: "it came off"})
     row = tf.identify(run, jobs=1)[0]
     assert (row.status, row.message) == ("model_doubtful", "it came off")
+
+
+@pytest.mark.parametrize("before", [False, True])
+def test_a_machine_from_cold_with_a_quick_part_is_no_warm_one(before):
+    """Beside the heat 2 K come within a minute: by the law of all that part began 2 K above the others, and no row was `ok` before an
+    hour. Where they had come before the record begins, it is so.
+    """
+    time, rng = np.arange(0.0, 41.0, 0.25), np.random.default_rng(4)
+    quick = 2.0 * (np.ones_like(time) if before else -np.expm1(-time / 0.7))
+    rises = {"front": 9.0, "rear": 8.0, "side": 6.0}
+    columns = {f"{n} [degC]": 20.0 + rise * -np.expm1(-time / 45.0) for n, rise in rises.items()}
+    columns["front [degC]"] += quick
+    noisy = {n: c + 0.02 * rng.standard_normal(len(time)) for n, c in columns.items()}
+    found = tf.identify({"time_min": time} | noisy)
+    assert ["so early a slower part" in r.message for r in found] == [before] * 3
+    assert [r.status for r in found] == ["not_determined" if before else "ok"] * 3
+    for r, limit in zip(found, (31.0, 28.0, 26.0), strict=True):
+        assert r.steady_state_lo_c <= limit <= r.steady_state_hi_c
