@@ -2,6 +2,7 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -9,7 +10,9 @@ import pytest
 
 import thermofast as tf
 from benchmarks.intervals.driven import judged
+from thermofast.discovery import improve
 from thermofast.learning import past
+from thermofast.learning.heat_law import HeatLaw
 from thermofast.learning.jumps import last_change, stays
 from thermofast.learning.rise import rises_of
 
@@ -319,3 +322,14 @@ def test_a_fast_part_of_a_tenth_to_a_fifth_is_counted_as_the_drive_changes(of):
     """Rows of benchmarks.intervals.driven that were `ok` beside the truth while only the first change was followed by such a part."""
     *_, held, _ = judged(of)
     assert held
+
+
+def test_a_power_that_may_be_none_is_not_learnt(monkeypatch):
+    law = HeatLaw(None, 0.4, 0.5, "")
+    monkeypatch.setattr(improve, "heat_law", lambda fit: law)
+    driven = SimpleNamespace(run=SimpleNamespace(heat=np.ones(3)))
+    assert improve.followed(driven) is None
+    sure = HeatLaw(None, 0.6, 0.5, "")
+    monkeypatch.setattr(improve, "heat_law", lambda fit: sure)
+    assert improve.followed(driven) is sure
+    assert improve.followed(SimpleNamespace(run=SimpleNamespace(heat=None))) is None

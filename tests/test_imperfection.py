@@ -773,3 +773,16 @@ def test_a_part_that_cools_from_another_day_while_others_warm_is_not_settled():
     for other, marked in ((-0.7 * spindle, False), (-0.4 * spindle, True), (0.0 * spindle, False)):
         rows = tf.identify({"time_min": time, "spindle": 40.0 + spindle + noise[0], "other": 40.0 + other + noise[1]})
         assert ("it went the other way, by" in rows["other"].message) == marked
+
+
+def test_strong_parts_follow_each_change_of_a_heat_that_is_known():
+    """To a fifth of it (1 sd), whatever the background does; effects without such parts do not."""
+    found = TYPICAL.follows(0.05)
+    wanted = [16.0 if TYPICAL.strong[i].slow or TYPICAL.strong[i].fast else 0.0 for i, _ in TYPICAL.effects()]
+    assert found.tolist() == pytest.approx([1.0, *wanted])
+    assert [TYPICAL.strong[i].fast for i, _ in TYPICAL.effects()].count(0.2) > 1
+    assert 0.0 < np.mean(wanted) < 16.0
+    only_fast = [k for k, (i, _) in enumerate(TYPICAL.effects()) if TYPICAL.strong[i].fast and not TYPICAL.strong[i].slow]
+    assert [wanted[k] for k in only_fast] == [16.0]
+    assert found[1 + only_fast[0]] == pytest.approx(16.0)
+    assert TYPICAL.follows(0.0).tolist() == [1.0] + [0.0] * len(wanted)

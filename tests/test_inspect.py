@@ -269,6 +269,13 @@ def test_numbers_that_a_workbook_stores_as_text_are_read_as_the_numbers_beside_t
     run = tf.read(one)
     assert run.channels["T1 [degC]"][-1] == 48.5
     assert [g.text for g in run.guesses if g.about == "marks"] == ["cell B30 is text with a decimal comma ('48,5')"]
+    whole = [
+        rows[0],
+        *([i, f"{20 + i},5", f"{30 + i},25"] for i in range(30)),
+    ]  # numbers that are no decimals say nothing of a comma
+    run = tf.read(workbook(tmp_path / "whole.xlsx", {"run": whole}))
+    assert run.channels["T2 [degC]"].tolist() == [30.25 + i for i in range(30)]
+    assert not [g for g in run.guesses if g.about == "marks"]
     rows[5][2] = "1,250"  # may be a thousand
     with pytest.raises(tf.InputError, match="1,250"):
         tf.read(workbook(tmp_path / "thousand.xlsx", {"run": rows}))

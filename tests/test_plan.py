@@ -1,6 +1,7 @@
 """How long a test must run: known limits on machines that are the law, and words where no time will do."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -226,3 +227,23 @@ def test_a_plan_names_the_sensor_that_is_last():
     assert told.startswith("'rear' last and by far")
     assert "--exclude it" in told
     assert planning._last(("bed", "bed"), np.array([5.0, 1.0])) == "'bed' last"
+
+
+def test_a_hopeless_wish_is_told_what_its_own_readings_alone_would_do(monkeypatch):
+    """Of each alternative the law with its readings, worked out with all the others; each piece of work is told."""
+
+    def curve(turns, _draws, option):
+        time = turns * option.design.tau_min
+        soon = 100.0 * option.design.noise_c * option.design.interval_s
+        half = np.where(time >= soon, 0.01, 5.0) if option.prior.none else np.full(len(turns), 1.0)
+        return planning.Curve(option.name, time, half, half[None])
+
+    monkeypatch.setattr(planning, "_curve", curve)
+    monkeypatch.setattr(planning, "TURNS", np.geomspace(0.1, 10.0, 81))
+    told = []
+    rows, _ = planning.plan(planning.Design(interval_s=60.0, tau_min=60.0), (0.1,), TYPICAL, told.append)
+    alone = {r.channel: float(re.search(r"alone would do after (\S+) min", r.message)[1]) for r in rows if r.status == "hopeless"}
+    assert alone["as asked"] == pytest.approx(120.0, rel=0.1)
+    assert alone["half the noise"] == pytest.approx(60.0, rel=0.1)
+    assert alone["readings ten times as often"] == pytest.approx(12.0, rel=0.1)
+    assert sum(told) == len(rows) + 3

@@ -381,3 +381,28 @@ def test_standard_output_is_as_it_was_after_runs_in_threads():
         statuses = list(pool.map(lambda minutes: tf.identify(run, until=minutes, jobs=1)[0].status, (40.0, 60.0, 80.0, 100.0)))
     assert statuses == ["ok"] * 4
     assert sys.stdout is out
+
+
+def test_prints_stay_aside_until_the_last_is_out(capsys):
+    """Of one call within another, and of two threads of which one is done before the other."""
+    out, first_is_out, entered = sys.stdout, threading.Event(), threading.Event()
+
+    def long():
+        with contained():
+            entered.set()
+            first_is_out.wait(20.0)
+            print("long")
+
+    thread = threading.Thread(target=long)
+    with contained():
+        with contained():
+            print("inner")
+        print("outer")
+        thread.start()
+        entered.wait(20.0)
+    print("a table")
+    first_is_out.set()
+    thread.join()
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err.split()) == ("a table\n", ["inner", "outer", "long"])
+    assert sys.stdout is out

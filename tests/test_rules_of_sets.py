@@ -533,3 +533,22 @@ def test_a_slow_part_once_more_is_a_rival_of_a_reading_that_walks(monkeypatch, b
     assert ("sensor_drift", "second_mode.2") in asked
     assert ("second_mode", "second_mode.2") not in asked
     assert ("sensor_drift", "load_step") not in asked
+
+
+def test_an_event_once_more_is_no_rival_of_another_event(monkeypatch, base):
+    """Two events draw a third; and what acts once more without the first of its kind is the set with that one."""
+    kinds, asked = {kind.id: kind() for kind in BUILT_IN}, []
+    top = _set("cooling_switch+load_step", 500.0)
+    for part in top.parts:
+        part.effect = kinds[part.id]
+    monkeypatch.setattr(sets, "_replaced", lambda *_: [])
+    monkeypatch.setattr(sets, "_mistaken", lambda base, top, change: asked.append((change[0].id, change[1].id)))
+    monkeypatch.setattr(sets, "_refined", lambda base, c, rounds: c)
+    sets._with_rivals(base, [top], list(kinds.values()), map)
+    assert asked
+    assert not [pair for pair in asked if ".2" in "".join(pair)]
+    twice, alone = _set("second_mode+second_mode.2", 1.0), _set("sensor_drift+second_mode.2", 1.0)
+    for one in (twice, alone):
+        one.parts[1].effect.number = 2
+    assert sets._in_turn(twice)
+    assert not sets._in_turn(alone)
