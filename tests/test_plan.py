@@ -154,11 +154,11 @@ def test_twice_the_sensors_waits_for_those_that_were_asked_for(monkeypatch):
     design = Design(sensors=3)
     asked, twice = (o for o in alternatives(design, TYPICAL) if o.name in ("as asked", "twice the sensors"))
     assert (asked.beside, twice.beside, twice.design.sensors) == (1, 2, 6)
-    half = _curve(replace(twice, beside=1)).half_width
+    half = _curve(planning.TURNS, planning.DRAWS, replace(twice, beside=1)).half_width
     both = np.isfinite(half)
     assert both.any()
-    assert np.all(_curve(twice).half_width[both] < half[both] * 1.3)
-    assert np.nanmean(_curve(twice).half_width[both] / half[both]) < 1.0
+    assert np.all(_curve(planning.TURNS, planning.DRAWS, twice).half_width[both] < half[both] * 1.3)
+    assert np.nanmean(_curve(planning.TURNS, planning.DRAWS, twice).half_width[both] / half[both]) < 1.0
     # As many are waited for with either, however many were asked for.
     assert planning.MOST_SENSORS == 12
     drawn = []
@@ -169,7 +169,7 @@ def test_twice_the_sensors_waits_for_those_that_were_asked_for(monkeypatch):
         lambda prior, time, tau, rises, *rest: drawn.append(rises) or draw_record(prior, time, tau, rises, *rest),
     )
     for option in (o for o in alternatives(Design(sensors=30), TYPICAL) if o.name in ("as asked", "twice the sensors")):
-        _curve(option)
+        _curve(planning.TURNS, planning.DRAWS, option)
     assert sorted({len(r) for r in drawn}) == [12, 24]
     assert drawn[-1][::2] == pytest.approx(drawn[0])
 
