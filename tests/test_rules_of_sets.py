@@ -552,3 +552,13 @@ def test_an_event_once_more_is_no_rival_of_another_event(monkeypatch, base):
         one.parts[1].effect.number = 2
     assert sets._in_turn(twice)
     assert not sets._in_turn(alone)
+
+
+def test_a_set_with_an_effect_once_more_alone_is_not_named(larger):
+    twice = _set("a+c+b.2", 200.0, left=1.0)
+    twice.parts[2].effect.number = 2
+    larger.grown = [twice]
+    assert larger.found([_set("a+b", 100.0, p=1e-4, left=10.0)]) == ([("a", "c", "b.2")], [])
+    larger.grown = [_set("a+b+b.2", 200.0, left=1.0)]
+    larger.grown[0].parts[2].effect.number = 2
+    assert larger.found([_set("a+b", 100.0, p=1e-4, left=10.0)])[1] == [("a", "b", "b.2")]
