@@ -339,8 +339,8 @@ def _with_rivals(base: Fit, down: list[Candidate], effects: Sequence[Effect], sp
 
 def _mistaken_for_each_other(one: Effect, other: Effect) -> bool:
     """Whether one of two effects is easily mistaken for the other, also where that one acts once more."""
-    ids = [e.id.partition(".")[0] for e in (one, other)]
-    return ids[0] != ids[1] and (ids[1] in one.mistaken_for or ids[0] in other.mistaken_for)
+    first, second = (e.id.partition(".")[0] for e in (one, other))
+    return second in one.mistaken_for or first in other.mistaken_for
 
 
 def _mistaken(base: Fit, candidate: Candidate, change: tuple[Part, Effect]) -> Candidate | None:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 
-class _Parted:
+class _ByThread:
     """Standard output as it was `before`, but for the threads in which foreign code runs."""
 
     def __init__(self, before: Any) -> None:
@@ -35,8 +35,8 @@ def printing_aside() -> Iterator[None]:
     """Sends what this thread prints to standard error; in several threads at once as in one within another."""
     with _state.lock:
         _state.users += 1
-        if sys.stdout is not None and not isinstance(sys.stdout, _Parted):
-            sys.stdout = _Parted(sys.stdout)
+        if sys.stdout is not None and not isinstance(sys.stdout, _ByThread):
+            sys.stdout = _ByThread(sys.stdout)
     _state.thread.inside = getattr(_state.thread, "inside", 0) + 1
     try:
         yield
@@ -44,5 +44,5 @@ def printing_aside() -> Iterator[None]:
         _state.thread.inside = getattr(_state.thread, "inside", 1) - 1
         with _state.lock:
             _state.users -= 1
-            if _state.users <= 0 and isinstance(sys.stdout, _Parted):
+            if _state.users <= 0 and isinstance(sys.stdout, _ByThread):
                 sys.stdout = sys.stdout.before
