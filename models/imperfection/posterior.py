@@ -25,6 +25,10 @@ EDGE = 0.5
 DOUBTED = 0.05
 #: A hypothesis below this share of the posterior is left out of the predictions.
 LEAST_WEIGHT = 5e-5
+#: A spread of the log rate over the prior's above this is mostly the prior's own.
+RATE_UNKNOWN = 0.5
+#: A side that this share of its half-width farther off would lie without the prior of such a rate is a number out of that prior.
+OUT_OF_PRIOR = 0.25
 
 
 @dataclass(frozen=True)
@@ -32,19 +36,21 @@ class Settled:
     """What S sensors will do; three numbers are the 2.5 %, 50 % and 97.5 % quantiles.
 
     steady (S, 3) [degC]: the limit with room and load as at the last reading; t95 (S, 3) [min] after the first reading; at (S, k,
-    3) [degC] at the times asked for; rate (S, 3) [1/min]; rate_unknown (S,): spread of the log rate over the prior's; check_p
-    (S,): probability of readings that leave law and discrepancy this far; strong (S,): that a strong effect is at work, one
-    that is more than fast modes or a start, which die out; unseen (S,) [K]: what a slow second mass may add after the last
-    reading, where there is one (95 %); unseen_from (S,) [min]: its least time constant; hides (S,): probability that slow modes
-    add more than the half-width of the interval; agrees (S, S): whose rates were shared; evidence (S,): log likelihood of a
-    sensor's own readings under the prior, up to a constant that every prior of the same readings and tau has.
+    3) [degC] at the times asked for; rate (S, 3) [1/min]; open_limit, open_t95 (S,): the readings say so little of the rate that
+    the far side of the limit, of t95, would be a number out of the prior of it; check_p (S,): probability of readings that leave
+    law and discrepancy this far; strong (S,): that a strong effect is at work, one that is more than fast modes or a start, which
+    die out; unseen (S,) [K]: what a slow second mass may add after the last reading, where there is one (95 %); unseen_from (S,)
+    [min]: its least time constant; hides (S,): probability that slow modes add more than the half-width of the interval; agrees
+    (S, S): whose rates were shared; evidence (S,): log likelihood of a sensor's own readings under the prior, up to a constant
+    that every prior of the same readings and tau has.
     """
 
     steady: Array
     t95: Array
     at: Array
     rate: Array
-    rate_unknown: Array
+    open_limit: NDArray[np.bool_]
+    open_t95: NDArray[np.bool_]
     check_p: Array
     strong: Array
     unseen: Array
@@ -95,7 +101,8 @@ def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool
     count = run.count
     steady, t95, rate = (np.full((count, 3), np.nan) for _ in range(3))
     at = np.full((count, run.times, 3), np.nan)
-    spread_of_rate, check, strong, unseen, hides = (np.full(count, np.nan) for _ in range(5))
+    check, strong, unseen, hides = (np.full(count, np.nan) for _ in range(4))
+    open_limit, open_t95 = (np.zeros(count, dtype=bool) for _ in range(2))
     modes = [COMPONENTS.index("slow"), *range(len(COMPONENTS), run.relative.shape[1])]
     slow = np.concatenate([[False], (run.relative[1:, modes] >= 0.03).any(axis=1)])[run.kind]
     brief = np.array([COMPONENTS.index(name) for name in ("fast", "start")])
@@ -113,19 +120,18 @@ def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool
         mu, sd = foretold[i].mean, np.sqrt(foretold[i].variance)
         steady[i] = quantiles(w, mu[:, LIMIT], sd[:, LIMIT])
         b, r = np.exp(log_rate[i, places]), rise[i, places]
-        t95[i] = _settling(w, modes_of[hypotheses], (b, r, mu[:, SETTLING], sd[:, SETTLING]), run.settles(i, log_rate[i, places]))
+        ahead = modes_of[hypotheses], (b, r, mu[:, SETTLING], sd[:, SETTLING]), run.settles(i, log_rate[i, places])
+        t95[i] = _settling(w, *ahead)
         for k in range(run.times):
             at[i, k] = quantiles(w, mu[:, FIRST_TIME + k], sd[:, FIRST_TIME + k])
         of_rate, cell = weight[i].sum(axis=1), cell_of[i]
-        # Within hypotheses: that a fast and a slow rate are both known, and only not which is the law's, leaves no limit open.
-        middle = (log_rate[i] @ weight[i]) / np.maximum(weight[i].sum(axis=0), 1e-300)
-        within = ((log_rate[i][:, None] - middle) ** 2 + cell[:, None] ** 2 / 12.0) * weight[i]
-        spread_of_rate[i] = np.sqrt(within.sum())
-        if run.known is not None:
-            # Where its prior is knowledge there is nothing to be shrunk.
-            spread_of_rate[i] = spread_of_rate[i] / run.known[i, 1] if run.guessed else 0.0
-        elif of_rate @ (log_rate[i] < run.nodes[0] + EDGE) > LEVELS[0]:
-            spread_of_rate[i] = np.inf  # slower rates than were looked at would do as well
+        unknown = _rate_unknown(run, i, log_rate[i], weight[i], cell)
+        if unknown > RATE_UNKNOWN:
+            free = w * np.exp(-run.log_rate_prior(log_rate[i, places] - run.centre[i], i))
+            far = quantiles(free, mu[:, LIMIT], sd[:, LIMIT]) - steady[i], _settling(free, *ahead) - t95[i]
+            end = 2 if r @ w >= 0.0 else 0
+            open_limit[i] = not _bounded(unknown, abs(far[0][end]), abs(steady[i, end] - steady[i, 1]))
+            open_t95[i] = not _bounded(unknown, abs(far[1][2]), t95[i, 2] - t95[i, 1])
         rate[i] = np.exp(quantiles(of_rate, log_rate[i], 0.5 * cell))
         strong[i] = weight[i][:, lasting].sum()
         m = len(run.blocks_of(i).time)
@@ -163,7 +169,8 @@ def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool
         t95=t95,
         at=at,
         rate=rate,
-        rate_unknown=spread_of_rate / (0.5 * (1.0 + SLOWER) * run.prior.log_rate_spread if run.known is None else 1.0),
+        open_limit=open_limit,
+        open_t95=open_t95,
         check_p=check,
         strong=strong,
         unseen=unseen,
@@ -173,6 +180,24 @@ def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool
         evidence=evidence,
         drawn=drawn,
     )
+
+
+def _rate_unknown(run: Run, sensor: int, log_rate: Array, weight: Array, cell: Array) -> float:
+    """Spread of the log rate of one sensor over its prior's; log_rate, cell (F,), weight (F, H)."""
+    if run.known is not None and not run.guessed:
+        return 0.0  # where its prior is knowledge there is nothing to be shrunk
+    if run.known is None and weight.sum(axis=1) @ (log_rate < run.nodes[0] + EDGE) > LEVELS[0]:
+        return np.inf  # slower rates than were looked at would do as well
+    # Within hypotheses: that a fast and a slow rate are both known, and only not which is the law's, leaves no limit open.
+    middle = (log_rate @ weight) / np.maximum(weight.sum(axis=0), 1e-300)
+    within = ((log_rate[:, None] - middle) ** 2 + cell[:, None] ** 2 / 12.0) * weight
+    assumed = 0.5 * (1.0 + SLOWER) * run.prior.log_rate_spread if run.known is None else run.known[sensor, 1]
+    return float(np.sqrt(within.sum()) / assumed)
+
+
+def _bounded(unknown: float, farther: float, half: float) -> bool:
+    """Whether a side `half` off the middle is one of the readings, where without the prior of the rate it would lie `farther`."""
+    return bool(np.isfinite(unknown) and farther <= OUT_OF_PRIOR * half)
 
 
 def _draw(

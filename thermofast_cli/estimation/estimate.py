@@ -213,7 +213,8 @@ class Claims:
     t95: Array
     at: Array
     rate: Array
-    rate_unknown: Array
+    open_limit: NDArray[np.bool_]
+    open_t95: NDArray[np.bool_]
     check_p: Array
     strong: Array
     unseen: Array
@@ -243,13 +244,6 @@ class Claims:
         """Which sensors have a posterior (S,)."""
         return np.isfinite(self.steady[:, 1])
 
-    @property
-    def unknown_rate(self) -> NDArray[np.bool_]:
-        """Whose readings shrink the prior spread of the log rate by less than half (S,)."""
-        with np.errstate(invalid="ignore"):
-            found: NDArray[np.bool_] = self.rate_unknown > 0.5
-        return found
-
     def curves(self, times: Array, drawn: bool = False) -> tuple[Array, Array, Array]:
         """Temperatures foretold (S, n) [degC] at times (n,) [min of the run] between the sides of their 95 % band.
 
@@ -269,7 +263,6 @@ def none_yet(count: int, times: Array, ahead: NDArray[np.bool_]) -> Claims:
     numbers = {
         n: np.full(count, np.nan)
         for n in (
-            "rate_unknown",
             "check_p",
             "strong",
             "unseen",
@@ -294,6 +287,8 @@ def none_yet(count: int, times: Array, ahead: NDArray[np.bool_]) -> Claims:
         known=np.zeros(count, dtype=bool),
         let_go=np.zeros(count, dtype=bool),
         hidden=np.zeros(count, dtype=bool),
+        open_limit=np.zeros(count, dtype=bool),
+        open_t95=np.zeros(count, dtype=bool),
         left_last=np.zeros(count, dtype=int),
         other_rise=np.zeros(count, dtype=bool),
         averaged=np.ones(count, dtype=int),

@@ -5,7 +5,7 @@ Sensors of a run are taken in groups, in the order of its columns, so that what 
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -184,7 +184,7 @@ def _mark_early(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], 
     for c, mine, one in zip(closed, members, into, strict=True):
         read = float(c.sensors.time[c.count - 1] - c.sensors.time[0])
         with np.errstate(invalid="ignore", divide="ignore"):
-            shows = np.minimum(heard, RULES.heard_turns / one.rate[:, 1])
+            shows = np.minimum(heard, RULES.heard_turns / one.rate[:, 0])  # as slow as it may be
         one.early[:] = np.where(mine & one.held & (read < shows) & ~(one.known & learnt), shows, one.early)
 
 
@@ -471,7 +471,7 @@ def _part(closed: Closed, rows: NDArray[np.intp], other_rise: NDArray[np.bool_])
 
 
 def _put(into: Claims, rows: NDArray[np.intp], found: Settled, of: NDArray[np.intp], names: Sequence[str]) -> None:
-    for name in ("steady", "t95", "at", "rate", "rate_unknown", "check_p", "strong", "unseen", "unseen_from", "hides", "evidence"):
+    for name in (f.name for f in fields(Settled) if f.name not in ("agrees", "drawn")):
         getattr(into, name)[rows] = getattr(found, name)[of]
     for row, agrees in zip(rows.tolist(), found.agrees[of], strict=True):
         those = [names[j] for j in np.flatnonzero(agrees).tolist()]

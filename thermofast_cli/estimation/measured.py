@@ -290,7 +290,8 @@ def with_claims(
     # Where the readings hardly say more of the rate than was assumed, the slow side would be a number out of the prior; where the
     # heat has hardly come, one out of what came first.
     rises = law.state[:, 0] >= law.initial
-    open_ = claimed.unknown_rate | np.isfinite(claimed.behind)
+    hardly = np.isfinite(claimed.behind)
+    open_ = claimed.open_limit | hardly
     with np.errstate(invalid="ignore"):
         against = claimed.behind < 0.0  # the others: neither its own way nor theirs is the rest of it
     steady[open_ & (rises | against), 2] = np.nan
@@ -301,7 +302,7 @@ def with_claims(
     _as_read(
         t95, law, start, np.where(rises[:, None], steady, steady[:, ::-1]), claimed.rate, sensors, ~claimed.other_rise | staged
     )
-    t95[open_, 2] = np.nan
+    t95[claimed.open_t95 | hardly, 2] = np.nan
     t95[back] = np.nan
     most = went(law, sensors)
     _to_the_beginning(steady, law, most)

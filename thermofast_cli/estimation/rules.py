@@ -133,6 +133,12 @@ class EstimationRules:
         "since the load changed, before which a row is doubtful",
         "benchmarks.unlike_parts.stages; by an independent simulator 76 % of 261 rows sooner after a step held",
     )
+    fresh_learnt: float = rule(
+        0.25,
+        "time constants",
+        "the same by a model learnt from driven runs, of which it leaves a pattern",
+        "by an independent simulator 46 of 57 rows sooner after a step held",
+    )
     behind: float = rule(
         0.1,
         "largest movement of a sensor of the run",

@@ -218,7 +218,8 @@ def _of_the_heat(case: _Case, changed_min: float | None) -> list[Reason]:
     restless = claimed.other_rise & (stayed * case.slow < 1.0)
     since = _since_change(claimed, case.past, changed_min, case.found)
     with np.errstate(invalid="ignore"):
-        fresh = since * np.minimum(claimed.rate[:, 1], _median(claimed.rate[claimed.held, 1])) < RULES.fresh
+        needed = RULES.fresh_learnt if case.past is not None and not case.past.guessed else RULES.fresh
+        fresh = since * np.minimum(claimed.rate[:, 1], _median(claimed.rate[claimed.held, 1])) < needed
     behind = np.isfinite(claimed.behind)
     told = np.isfinite(case.found.steady_state)  # of a limit that is no number nobody is told when it shows
 
@@ -231,7 +232,7 @@ def _of_the_heat(case: _Case, changed_min: float | None) -> list[Reason]:
     def changed(i: int) -> str:
         return (
             f"the load changed {rounded(float(since[i]))} min before the last reading: what it leads to shows after "
-            f"{rounded(RULES.fresh / claimed.rate[i, 1])} min; measure on"
+            f"{rounded(needed / claimed.rate[i, 1])} min; measure on"
         )
 
     def little(i: int) -> str:

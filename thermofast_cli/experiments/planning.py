@@ -322,7 +322,7 @@ def _curve(turns: Array, draws: int, option: Option) -> Curve:
             part = Part(time, machine.drawn(prior, time, noise, rng), noise, np.zeros(sensors), known=machine.known)
             found = settle([part], min(design.tau_min, 2.0 * span), prior, rates=option.rates)
             widths = 0.5 * (found.steady[:, 2] - found.steady[:, 0])
-            widths = np.where(found.rate_unknown > 0.5, np.inf, widths)
+            widths = np.where(found.open_limit, np.inf, widths)
             half[d, k] = of_all(widths[:: option.beside], prior.none)
     middle = np.median(half, axis=0)
     half = np.where(np.isfinite(half), half, np.nan)
