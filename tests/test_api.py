@@ -492,3 +492,40 @@ def test_a_record_that_ends_just_before_the_identification_time_is_read_to_its_e
     assert tf.identify({"time_min": late, "T1": reading}, until=30.0)["T1"].samples == 60
     with pytest.raises(tf.ThermofastError, match="longer than the record"):
         tf.identify({"time_min": time, "T1": reading}, until=30.0)
+
+
+def test_rows_come_in_the_order_of_the_runs_and_the_results_know_short_ones():
+    line = 20.0 + 6.0 * -np.expm1(-MINUTES / 30.0) + 0.02 * np.random.default_rng(5).standard_normal(120)
+    runs = [tf.read({"time_min": MINUTES[:n], "T1": line[:n]}, name=name) for name, n in (("a", 30), ("b", 120), ("c", 40))]
+    told = tf.identify(runs, until=60, details=True)
+    assert [(r.run, r.status == "too_short") for r in told] == [("a", True), ("b", False), ("c", True)]
+    assert [run.name for run in told.runs] == ["a", "b", "c"]
+    assert [trace is not None for trace in told.traces] == [False, True, False]
+    assert [r.run for r in tf.compare(runs, until=60)] == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("reach", [-1.0, 0.0, float("nan"), "x", None, True])
+def test_what_a_column_may_be_off_by_is_a_number_above_zero(reach):
+    with pytest.raises(tf.ThermofastError, match=r"input_range ambient.*no number above zero"):
+        tf.compare(HIDDEN, input_range={"ambient": reach})
+
+
+def test_records_are_found_by_places_of_any_integer_kind_and_by_filter(told):
+    assert told[np.int64(1)] == told[1]
+    with pytest.raises(KeyError):
+        told[True]
+    bench = tf.bench(SPINDLE, until=60, channels=["T1"])
+    assert bench["afukf"].filter == "afukf"
+    with pytest.raises(KeyError, match="afukf"):
+        bench["nobody"]
+
+
+def test_a_setting_is_called_by_its_name():
+    with pytest.raises(tf.ThermofastError, match="a setting is called by its name"):
+        tf.identify(SPINDLE, until=60, settings={1: 2})
+
+
+def test_one_window_may_be_a_number_of_numpy():
+    assert tf.sweep(SPINDLE, windows=np.int64(45), times=[20, 40], channels=["T1"]) == tf.sweep(
+        SPINDLE, windows=45, times=[20, 40], channels=["T1"]
+    )

@@ -1,7 +1,9 @@
 """A small sample of the proof (``make proof`` runs the whole): verdicts on records of an independent simulator."""
 
 from dataclasses import replace
+from itertools import permutations
 from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -13,15 +15,20 @@ from test_effects_contract import record
 import thermofast as tf
 from benchmarks.discovery.proof import Job, guarded
 from benchmarks.estimation.coarse_readings import trial
+from thermofast.discovery import improve
 from thermofast.discovery.compare import failing_stretches
 from thermofast.discovery.diagnose import own_verdict
 from thermofast.discovery.wording import _when
 from thermofast.models.effects import BUILT_IN
+from thermofast.models.effects.friction_decay import FrictionDecay
 from thermofast.models.effects.load_step import LoadStep
+from thermofast.models.effects.neighbour_heat import NeighbourHeat
 from thermofast.models.joint import Key, fit_model
 from thermofast.models.noise.rounding import _in_cell
 from thermofast.models.search.discover import discover
 from thermofast.models.search.scan import scan
+from thermofast.observing.observe import observe
+from thermofast.observing.task import check_inputs, not_tried
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
@@ -180,3 +187,57 @@ def test_when_something_changed_is_told_by_a_model_whose_moment_was_searched():
     searched = SimpleNamespace(parts=[part], fit=SimpleNamespace(values={Key(0, "event"): 3.25}))
     assert _when((36.0, 37.0, 0.1), seen, [followed, searched]) == "changed at about 33.2 min"
     assert _when((36.0, 37.0, 0.1), seen, [followed]) == "changed at 36 min"
+
+
+def test_what_is_added_does_not_hang_on_the_order_in_which_it_was_named():
+    base = SimpleNamespace(gain=0.0, names=())
+
+    def try_add(fit, effect):
+        """What comes second alone gains nothing, and makes the rest impossible."""
+        if fit.names and fit.names[0] == "late":
+            return None
+        names = (*fit.names, effect)
+        return SimpleNamespace(fit=SimpleNamespace(names=names), gain=len(names) - 0.5 * (names[0] == "late"))
+
+    with (
+        mock.patch.object(improve, "try_add", try_add),
+        mock.patch.object(improve, "total_likelihood_ratio", lambda base, one: one.gain),
+    ):
+        for order in permutations(["late", "step", "mode"]):
+            assert improve._all_added(base, list(order)).gain == 3.0
+        for order in (["late", "step", "mode", "room"], ["room", "mode", "step", "late"]):
+            assert set(improve._all_added(base, order).fit.names) == {"late", "step", "mode", "room"}
+        assert improve._all_added(SimpleNamespace(names=("late",)), ["a", "b", "c", "d"]) is None
+
+
+def linked_sensors(count):
+    """One sensor that is heated, and others that its heat comes to: by scipy's solver."""
+    rng, minutes = np.random.default_rng(0), np.arange(0.0, 200.0, 2.0)
+    tau = 80.0 * (1.0 + 0.02 * np.arange(1, count))
+
+    def slope(_, state):
+        first = (8.0 - state[0]) / 20.0
+        return np.concatenate([[first], (5.0 - state[1:]) / tau + 0.03 * (state[0] - state[1:])])
+
+    curves = 20.0 + solve_ivp(slope, (0.0, minutes[-1]), np.zeros(count), t_eval=minutes, rtol=1e-9, atol=1e-9).y
+    return {"time_min": minutes} | {f"T{i}": line + rng.normal(0.0, 0.02, len(minutes)) for i, line in enumerate(curves)}
+
+
+def test_an_effect_of_too_many_sensors_is_said_not_to_have_been_tried():
+    many = linked_sensors(41)
+    with pytest.raises(tf.ThermofastError, match=r"(?s)'neighbour_heat' is tried of 40 sensors at once at most.*41 sensors.*channels"):
+        check_inputs([NeighbourHeat()], observe(tf.read(many)).seen)
+    assert check_inputs([NeighbourHeat()], observe(tf.read(linked_sensors(40))).seen) is None
+    said = not_tried([FrictionDecay(), NeighbourHeat()], observe(tf.read(many)).seen)
+    assert said == "neighbour_heat was not tried: it is of 40 sensors at most, and there are 41 (choose with --channels)"
+
+
+def test_columns_along_which_nothing_was_tried_are_named_and_no_cause_stands_alone():
+    rng, minutes = np.random.default_rng(2), np.arange(0.0, 200.0)
+    sensors = {f"T{i}": 20.0 + r * -np.expm1(-minutes / 40.0) + rng.normal(0.0, 0.02, 200) for i, r in enumerate((6.0, 8.0))}
+    oil = {f"oil{k} [degC]": 20.0 + np.cumsum(rng.normal(0.0, 0.05, 200)) for k in range(8)}
+    run = tf.read({"time_min": minutes, **sensors, **oil}, inputs=list(oil), channels=["T0", "T1"])
+    for effects, left in ((["coolant_heat"], True), (["second_mode"], False)):
+        row = tf.diagnose(run, effects=effects)[0]
+        assert ("nothing was tried along oil6" in row.message) is left
+        assert (row.status == "not_determined") is left

@@ -315,6 +315,21 @@ def test_a_driven_model_that_leaves_a_pattern_may_follow_at_other_rates_too(monk
     assert seen == [share]
 
 
+@pytest.mark.parametrize(("until", "said"), [(112, True), (116, True), (124, False)])
+def test_soon_after_a_jump_a_driven_model_that_leaves_a_pattern_is_doubted(until, said):
+    """The drive jumps at 110 min; a quarter of the time constant later (one rate for both parts, of some 30 min) it shows."""
+    fast = 0.3 * response(4.0, 0.02, POWER, 20.0) + 0.7 * response(60.0, 0.02, POWER, 20.0)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(len(TIME))
+    run, clean = (
+        tf.read({"time_min": TIME, "T1": r + noise, "speed": POWER}, units="C") for r in (fast, response(60, 0.02, POWER, 20))
+    )
+    row = tf.identify(run, until=until, model=tf.improve(run, drive="speed").model, jobs=1)[0]
+    assert ("the load changed" in row.message) is said
+    assert not said or row.status == "model_doubtful"
+    plain = tf.identify(clean, until=until, model=tf.improve(clean, drive="speed").model, jobs=1)[0]
+    assert "the load changed" not in plain.message  # it leaves none
+
+
 @pytest.mark.parametrize(
     "of", [(41017, 0.1, "steps", 1.0), (41012, 0.1, "steps", 1.5), (41017, 0.1, "steps", 1.5), (41018, 0.2, "steps", 2.5)]
 )

@@ -1,9 +1,13 @@
 """Records too short for a slow part behind a quick one: no row is `ok` before 25 minutes, or sixty time constants."""
 
+from types import SimpleNamespace
+from unittest import mock
+
 import numpy as np
 import pytest
 
 import thermofast as tf
+from thermofast.estimation import imperfect
 from thermofast.experiments import planning
 
 
@@ -58,3 +62,13 @@ def test_a_plan_says_that_watch_waits_so_long(monkeypatch):
     row = tf.plan(sensors=3, tau_min=8.0, rise_c=8.0, tolerance=2.0, interval_s=15.0)[0]
     assert row.time_min < 22.0
     assert "watch does not stop before 3.1 time constants (25 min)" in row.message
+
+
+def test_a_rate_that_may_be_slow_is_no_quick_one():
+    """A probe of 0.4 min with a slow part that moves as it does: its rate may be a hundredth of what is likeliest."""
+    found = np.array([[0.03, 8.4, 20.0]])
+    one = SimpleNamespace(rate=found, held=np.array([True]), known=np.array([False]), early=np.full(1, np.nan))
+    closed = SimpleNamespace(count=2, sensors=SimpleNamespace(time=np.array([0.0, 20.0])))
+    with mock.patch.object(imperfect, "_before", return_value=[np.zeros(1)]):
+        imperfect._mark_early([closed], [np.array([True])], [one], False)
+    assert one.early == 25.0

@@ -3,6 +3,8 @@
 import json
 import pickle
 import re
+import signal
+import time
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +16,10 @@ from conftest import ROOT
 
 import thermofast as tf
 from thermofast.models.drive import MOST_HIDDEN
-from thermofast.plugins import effects
+from thermofast.plugins import effects, guard
 from thermofast.plugins.effects import chosen_effects, load_effect
+from thermofast.plugins.files import is_file, path_and_class
+from thermofast.plugins.guard import alarm
 
 SPINDLE, COOL_DOWN = (ROOT / "sample_runs" / name for name in ("spindle.csv", "cool_down.csv"))
 MINUTES = np.arange(120.0)
@@ -456,3 +460,45 @@ def test_a_null_that_is_no_number_is_refused(tmp_path, tool):
     path.write_text(path.read_text().replace("null=0.0", "null='none'"))
     refused = tool("effects", "--effect", path)
     assert "its null must be a number (found 'none')" in refused.err
+
+
+def test_a_timer_that_the_caller_has_set_goes_on():
+    rang = []
+    before = signal.signal(signal.SIGALRM, lambda *_: rang.append(True))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 100.0, 7.0)
+        with alarm("a filter"), alarm("one in it", 5.0):
+            assert 4.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 5.0
+        left, every = signal.getitimer(signal.ITIMER_REAL)
+        assert 90.0 < left < 100.0
+        assert every == 7.0
+        signal.setitimer(signal.ITIMER_REAL, 0.02)
+        with alarm("what takes longer than the caller's timer"):
+            time.sleep(0.05)
+        time.sleep(0.05)
+        assert rang == [True]
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_an_effect_that_loops_is_told_once_with_its_own_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(guard, "PATIENCE_S", 0.4)
+    path = tmp_path / "loops.py"
+    path.write_text(EFFECT.format(body="import numpy as np\n        while True:\n            np.linalg.inv(np.eye(60))"))
+    begun = time.monotonic()
+    with pytest.raises(guard.PluginTimeoutError, match=r"did not come back within 0\.4 s") as told:
+        load_effect(str(path))
+    assert time.monotonic() - begun < 0.75  # not a second time with plain numbers
+    line = next(n for n, text in enumerate(path.read_text().splitlines(), 1) if "linalg.inv" in text)
+    assert re.search(rf"line ({line - 1}|{line}) of .*loops\.py", told.value.found)
+
+
+def test_a_file_in_a_folder_with_a_colon_is_found(tmp_path):
+    folder = tmp_path / "a:b"
+    folder.mkdir()
+    path = folder / "mine.py"
+    path.write_text(EFFECT.format(body="drive.heat = drive.heat + p.change * run.after(p.begin)"))
+    assert load_effect(str(path)).id == load_effect(f"{path}:Mine").id == "mine"
+    assert path_and_class(f"{path}:Mine") == (str(path), "Mine")
+    assert not is_file("second_mode")

@@ -12,6 +12,7 @@ from scipy.stats import multivariate_normal, norm
 
 import thermofast as tf
 from benchmarks.machines import bar, network
+from benchmarks.unlike_parts import stages
 from tests.priors import SMALL_SLOW
 from thermofast.estimation.identify import identify_sensors
 from thermofast.estimation.imperfect import _mark_behind
@@ -23,6 +24,7 @@ from thermofast.models.decay import LOG_TWENTY
 from thermofast.models.imperfection import NONE, TYPICAL, Part, Sizes, _mixture_numpy, lagged, settle
 from thermofast.models.imperfection.blocks import block_means
 from thermofast.models.imperfection.numerics import core
+from thermofast.models.imperfection.posterior import _bounded
 from thermofast.models.imperfection.prior import COMPONENTS, SLOW
 from thermofast.models.imperfection.shapes import (
     LIMIT,
@@ -786,3 +788,25 @@ def test_strong_parts_follow_each_change_of_a_heat_that_is_known():
     assert [wanted[k] for k in only_fast] == [16.0]
     assert found[1 + only_fast[0]] == pytest.approx(16.0)
     assert TYPICAL.follows(0.0).tolist() == [1.0] + [0.0] * len(wanted)
+
+
+@pytest.mark.parametrize(("unknown", "farther", "bounded"), [(0.7, 0.2, True), (0.7, 0.3, False), (np.inf, 0.0, False)])
+def test_a_side_is_bounded_where_the_prior_of_an_unknown_rate_hardly_holds_it(unknown, farther, bounded):
+    assert _bounded(unknown, farther, 1.0) is bounded
+
+
+def test_a_straight_line_leaves_the_limit_open():
+    """The limit goes as the rate does, and of that the readings say nothing."""
+    rng, time = np.random.default_rng(4), np.arange(0.0, 30.0, 0.5)
+    noisy = (20.0 + 0.01 * time + 0.01 * rng.standard_normal(len(time)))[None]
+    found = settle([Part(time, noisy, np.array([0.01]), np.zeros(1))], 60.0, TYPICAL)
+    assert found.open_limit.tolist() == found.open_t95.tolist() == [True]
+
+
+def test_a_limit_that_no_rate_moves_is_bounded_although_the_rate_is_unknown():
+    """A chain four hours after its last step, of which strong parts that follow the load leave the law's own rate open."""
+    record, changed, limits, _ = stages.machine(633_006)
+    columns = {name: column[record["time_min"] <= changed + 240.0] for name, column in record.items()}
+    for row, limit in zip(tf.identify(columns, drive="speed (rpm)", jobs=1), limits, strict=True):
+        assert row.status == "ok", row.message
+        assert row.steady_state_lo_c <= limit <= row.steady_state_hi_c

@@ -189,3 +189,14 @@ def test_the_command_takes_tolerances(tool):
     done = tool("sensitivity", SPINDLE, "--until", 60, "--channels", "T5", "--uniform", "offset,room", "--format", "json", "-q")
     found = {r["factor"]: r["first_order"] for r in records(done) if r["quantity"] == "steady_state_c"}
     assert found["room"] == pytest.approx(0.8, abs=0.15)  # a third of its variance as a standard deviation
+
+
+def test_a_run_that_ends_before_the_identification_time_is_too_short_beside_a_long_one():
+    time = np.arange(200.0)
+    line = 20.0 + 8.0 * -np.expm1(-time / 30.0) + 0.02 * np.random.default_rng(3).standard_normal(200)
+    short, long = (tf.read({"time_min": time[:n], "T1": line[:n]}, name=name) for n, name in ((30, "short"), (200, "long")))
+    rows = tf.sensitivity([short, long], until=60)
+    of_short = [r for r in rows if r.run == "short"]
+    assert [r.status for r in of_short] == ["too_short"]
+    assert "the record ends at 29 min, before --until 60" in of_short[0].message
+    assert {r.status for r in rows if r.run == "long"} == {"ok"}

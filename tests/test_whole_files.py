@@ -97,3 +97,17 @@ def test_an_archive_is_whole_whichever_call_fails(tmp_path, monkeypatch, call):
             part.unlink()
     assert failing.calls < n
     assert Path(into).exists()
+
+
+def test_a_link_stays_one_and_a_file_that_nobody_else_may_read_stays_so(tmp_path):
+    told = tf.identify(SPINDLE, until=60)
+    target, link = tmp_path / "private.csv", tmp_path / "link.csv"
+    target.write_text("old")
+    target.chmod(0o600)
+    link.symlink_to(target)
+    told.save(str(link))
+    assert link.is_symlink()
+    assert target.read_text().startswith("run,channel")
+    assert target.stat().st_mode & 0o777 == 0o600
+    told.save(str(tmp_path / "new.csv"))
+    assert (tmp_path / "new.csv").stat().st_mode & 0o777 == 0o666 & ~whole.UMASK

@@ -232,6 +232,8 @@ def setting_texts(name: str, settings: Mapping[str, Any] | None) -> tuple[str, .
         from .plugins.filters import load_filter
 
         name = load_filter(name).name if is_file(name) else name
+    if strange := [key for key in settings or {} if not isinstance(key, str)]:
+        raise UsageError("a setting is called by its name", found=repr(strange[0]), allowed="text, as in {'growth': 2.0}")
     bare = {key.removeprefix(f"{name}."): value for key, value in (settings or {}).items()}
     return tuple(f"{name}.{key}={str(value).lower()}" for key, value in bare.items())
 
@@ -247,7 +249,6 @@ def model_of(model: "Model | str | Path | None", extra: Sequence[str] = ()) -> "
 
 #: What numbers may be, as the command's options have it.
 RANGES: dict[str, tuple[float, float]] = {
-    "reach": (0.0, 1e7),
     "until": (1e-9, 1e7),
     "at": (1e-9, 1e7),
     "room": (-100.0, 500.0),

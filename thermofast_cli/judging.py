@@ -130,9 +130,5 @@ def validate(
     in_range(until=until)
     if learnt is None:
         raise UsageError("no model is given", do="learn one with tf.improve(...).model, or give the path of its file")
-    for name, reach in (input_range or {}).items():
-        in_range(reach=reach)
-        if not reach > 0.0:
-            raise UsageError(f"input_range: {name}: not above zero", found=repr(reach))
     started = started_of(runs, start, False, reading)
     return validate_runs(started, learnt, until, tuple((input_range or {}).items()), work_of(jobs, executor, progress))

@@ -82,7 +82,7 @@ class LazyGroup(click.Group):
 @click.group(
     cls=LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
-    epilog="Try: thermofast identify sample_runs/spindle.csv --until 60",
+    epilog="Try: thermofast simulate --sensors 3 -o run.csv, then thermofast identify run.csv --until 60",
 )
 @click.version_option(__version__, prog_name="thermofast")
 @click.option("--config", metavar="FILE", help="Settings file; ./thermofast.toml by default.")

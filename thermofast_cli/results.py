@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, overload
 
@@ -62,6 +63,7 @@ class Result(Generic[R]):
 
     command: ClassVar[str] = ""
     kind: ClassVar[type[Row]] = Record
+    named_by: ClassVar[str] = "channel"
     records: Sequence[R]
     runs: tuple[Run, ...] = ()
     interrupted: bool = False
@@ -88,7 +90,8 @@ class Result(Generic[R]):
 
     def _names(self, record: Any) -> tuple[object, object]:
         """What a record is asked for by: its sensor, and (run, sensor)."""
-        return record.channel, (getattr(record, "run", ""), record.channel)
+        name = getattr(record, self.named_by)
+        return name, (getattr(record, "run", ""), name)
 
     def __eq__(self, other: object) -> bool:
         """Whether the records are the same; runs and curves behind them are not compared."""
@@ -116,12 +119,12 @@ class Result(Generic[R]):
         KeyError: no such sensor, or one of several runs; the message lists those there are. IndexError: no such place.
         """
         held = self._with_guesses()
-        if isinstance(key, int) and not -len(held) <= key < len(held):
-            raise IndexError(f"record {key} of {len(held)}")
         if isinstance(key, slice):
             return tuple(held[key])
-        if isinstance(key, int):
-            return held[key]
+        if isinstance(key, Integral) and not isinstance(key, bool):  # those of numpy, too
+            if not -len(held) <= key < len(held):
+                raise IndexError(f"record {key} of {len(held)}")
+            return held[int(key)]
         named = self._whole(key)
         found = [r for r in held if named in self._names(r)]
         if len(set(of := [getattr(r, "run", "") for r in found])) > 1:
@@ -229,10 +232,7 @@ class Inspection(Result[InspectRecord]):
 
     command: ClassVar[str] = "inspect"
     kind: ClassVar[type[Row]] = InspectRecord
-
-    def _names(self, record: Any) -> tuple[object, object]:
-        """Its column, and (run, column)."""
-        return record.column, (record.run, record.column)
+    named_by: ClassVar[str] = "column"
 
     def rows(self) -> list[dict[str, Any]]:
         """The records as dictionaries."""
@@ -421,6 +421,7 @@ class Bench(Result[BenchRecord]):
 
     command: ClassVar[str] = "filters bench"
     kind: ClassVar[type[Row]] = BenchRecord
+    named_by: ClassVar[str] = "filter"
 
     def plot(self, path: str | Path | None = None) -> "Figure | None":
         """The error of each filter, the one chosen in colour."""

@@ -143,15 +143,15 @@ class Effect:
     """A missing piece of physics. Class attributes describe it; ``apply`` changes the drive.
 
     uses_sink: the effect needs to know the surroundings; changes_heat: it changes the heat, so that two of its kind may multiply.
-    moves_room names the parameter [K] by which the surroundings change by themselves.
-    logged: it follows a logged column, so it is tried beside every other effect. follows_ambient: that column is the surroundings'.
-    reads_sensors: it uses other sensors' readings. again: a run may have two of it, with constants of their own. masses: how many
-    hidden masses it appends. advice: what a user to whom it is named should know beside.
-    places (constant, per reading): the effective number of independent places at which it is looked for (docs/false-alarms.md);
-    choice_costs: what choosing a way of acting costs each sensor, in parameters. in_parts: with scope 'run', it may
-    be a cause that only some of the sensors share, as the motor or the coolant of one part of the machine.
-    amplitude names the parameter whose null makes the effect vanish. scope: 'run', all sensors share one cause; 'sensor', some
-    sensors have it, each with its own values; 'one', it concerns a single sensor.
+    moves_room names the parameter [K] by which the surroundings change by themselves. logged: it follows a logged column, so it
+    is tried beside every other effect. follows_ambient: that column is the surroundings'. reads_sensors: it uses other sensors'
+    readings; most_sensors: of more at once it is not tried (None: of any number). again: a run may have two of it, with constants
+    of their own. masses: how many hidden masses it appends. advice: what a user to whom it is named should know beside. places
+    (constant, per reading): the effective number of independent places at which it is looked for (docs/false-alarms.md);
+    choice_costs: what choosing a way of acting costs each sensor, in parameters. in_parts: with scope 'run', it may be a cause
+    that only some of the sensors share, as the motor or the coolant of one part of the machine. amplitude names the parameter
+    whose null makes the effect vanish. scope: 'run', all sensors share one cause; 'sensor', some sensors have it, each with its
+    own values; 'one', it concerns a single sensor.
     """
 
     id: ClassVar[str] = "abstract"
@@ -170,6 +170,7 @@ class Effect:
     logged: ClassVar[bool] = False
     follows_ambient: ClassVar[bool] = False
     reads_sensors: ClassVar[bool] = False
+    most_sensors: ClassVar[int | None] = None
     again: ClassVar[bool] = False
     in_parts: ClassVar[bool] = False
     #: Which of its kind it is in a model.
@@ -272,6 +273,12 @@ def tried_columns(run: Observations, warm: bool = False, but: Sequence[str] = ()
     """
     mine = {n: c for n, c in run.inputs.items() if (n in run.temperatures) is warm and n not in but}
     return dict(list(varying(mine).items())[:MOST_COLUMNS])
+
+
+def columns_left(run: Observations) -> list[str]:
+    """Logged inputs that change and along which no effect is tried, because there are too many: those logged last."""
+    tried = {*tried_columns(run), *tried_columns(run, warm=True)}
+    return [n for n in varying(run.inputs) if n not in tried]
 
 
 def heated(drive: Drive, change: Any, p: Any) -> Any:

@@ -15,6 +15,8 @@ from .base import MOST_COUPLED, Choice, Effect, Parameter
 SENSORS = ("source", "other")
 #: Parameters that are not searched where both neighbours of a row are coupled alike, or there is one.
 EVEN = ("ratio",)
+#: It looks at every pair of sensors: of forty those are 1,560, of each of which it fits a curve.
+MOST_SENSORS = 40
 
 
 class NeighbourHeat(Effect):
@@ -33,6 +35,7 @@ class NeighbourHeat(Effect):
     reference = "thermal networks, e.g. Bacher & Madsen 2011"
     scope = "sensor"
     reads_sensors = True
+    most_sensors = MOST_SENSORS
     places = (8.0, 0.0)
     choice_costs = 0.5
     amplitude = "kappa"
@@ -56,7 +59,7 @@ class NeighbourHeat(Effect):
 
     def choices(self, run: Observations) -> Sequence[Choice]:
         n = run.sensors
-        if n < 2 or n > 40:
+        if n < 2 or n > MOST_SENSORS:
             return ()
         own = np.arange(n)
         single = [Choice(f"+{d}", {"source": (own + d) % n, "other": own}, EVEN, by_sensor=SENSORS) for d in range(1, n)]

@@ -24,11 +24,13 @@ from ..errors import ThermofastError
 from ..estimation.closing import estimate_at, track_of
 from ..estimation.estimate import Estimate, FilterError
 from ..estimation.request import Method
+from ..estimation.rules import RULES
 from ..estimation.sensor import Sensor, prepare, refusal
 from ..learning.settle import reference_of, settling_point
 from ..machine.learnt import carry
 from ..machine.modelfile import ModelFile
 from ..observing.task import LoopTask, failure_records, in_order, ready, refused_records
+from ..reading.run import ends_before, said_short
 from ..records import SensitivityRecord
 
 Array = NDArray[np.float64]
@@ -115,9 +117,10 @@ def _plain(task: SensitivityTask) -> list[SensitivityRecord]:
     loop, run = task.loop, task.loop.run
     minutes = run.time_s / 60.0
     records: list[SensitivityRecord] = []
+    ends = ("too_short", said_short(run, loop.until_min)) if ends_before(run, loop.until_min) else None
     for channel, values in run.channels.items():
         sensor = prepare(minutes, values, loop.start_min)
-        refused = refusal(sensor, loop.until_min)
+        refused = ends or refusal(sensor, loop.until_min, loop.start_min)
         if refused:
             records.append(SensitivityRecord(run.name, channel, status=refused[0], message=refused[1]))
             continue
@@ -159,7 +162,7 @@ def _estimate(method: Method, time: Array, reading: Array, until: float, resolut
 
 def _estimated(method: Method, time: Array, reading: Array, until: float, resolution: float) -> Estimate | None:
     count = int(np.searchsorted(time, until + 1e-9, "right"))
-    if count < 6:
+    if count < RULES.fewest_readings:
         return None
     track = track_of(method.filter, method.model, time[:count], reading[:count], resolution)
     if track.diverged_at is not None:

@@ -11,8 +11,9 @@ def command(name: str | None, extra: tuple[str, ...]) -> int:
     from ..errors import ThermofastError, UsageError, in_one_line, nearest
     from ..output.screen import show_text
     from ..plugins.effects import broken_effects, known_effects, load_effect
+    from ..plugins.files import is_file
 
-    if name is not None and name.partition(":")[0].endswith(".py"):
+    if name is not None and is_file(name):
         extra = (*extra, name)
         name = load_effect(name).id
     if name is None:

@@ -28,6 +28,7 @@ from ..observing.task import (
     failure_records,
     ids_of,
     in_order,
+    not_tried,
     parameters_of,
     pooled,
     ready,
@@ -249,6 +250,9 @@ def verdict_of(task: LoopTask, found: Discovery, seen: Observations) -> tuple[st
     refuted = not_borne_out(found, seen, task.until_min)
     if refuted:
         advice, status = refuted, "not_determined"
+    left_out = not_tried(chosen_effects(() if task.auto else task.names, task.extra), seen)
+    if left_out:  # of a cause that was not looked at nobody can say that another stands alone
+        evidence, status = f"{evidence}; {left_out}", "not_determined" if status == "ok" else status
     return evidence, advice, status, also
 
 

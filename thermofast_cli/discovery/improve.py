@@ -36,12 +36,16 @@ from ..observing.task import (
     refused_records,
 )
 from ..plugins.effects import chosen_effects, load_effect
+from ..plugins.files import is_file
 from ..records import ImproveRecord, finite
 from .diagnose import search_run, verdict_of
 from .remains import remaining_words
 from .wording import ROOMS, unlogged_room, words
 
 Array = NDArray[np.float64]
+
+#: So many effects are tried in every order.
+MOST_ORDERED = 3
 
 
 @dataclass(frozen=True)
@@ -167,18 +171,25 @@ def or_else(also: Sequence[str]) -> str:
 
 
 def _all_added(base: Fit, effects: list[Effect]) -> Candidate | None:
-    """Effects added one after the other, in the order that gains most."""
+    """Effects added one after the other, in the order that gains most; the order in which they were named says nothing.
+
+    Up to MOST_ORDERED all orders are tried, of more that effect first which gains most by itself.
+    """
+    if len(effects) > MOST_ORDERED:
+        found = [try_add(base, effect) for effect in effects]
+        gains = [-np.inf if one is None else total_likelihood_ratio(base, one) for one in found]
+        first = int(np.argmax(gains))
+        return None if (one := found[first]) is None else _all_added(one.fit, [*effects[:first], *effects[first + 1 :]])
     best: Candidate | None = None
-    orders = list(permutations(effects)) if len(effects) < 3 else [tuple(effects)]
-    for order in orders:
-        fit, found = base, None
+    for order in permutations(effects):
+        fit, one = base, None
         for effect in order:
-            found = try_add(fit, effect)
-            if found is None:
+            one = try_add(fit, effect)
+            if one is None:
                 break
-            fit = found.fit
-        if found is not None and (best is None or total_likelihood_ratio(base, found) > total_likelihood_ratio(base, best)):
-            best = found
+            fit = one.fit
+        if one is not None and (best is None or total_likelihood_ratio(base, one) > total_likelihood_ratio(base, best)):
+            best = one
     return best
 
 
@@ -189,7 +200,7 @@ def _staircase(prepared: Ready, until: float | None, base: Step, final: Candidat
     if len(effects) < 2:
         return [base, last], ""
     best: tuple[int, float, list[Step]] | None = None
-    for order in permutations(effects) if len(effects) < 4 else [tuple(effects)]:
+    for order in permutations(effects) if len(effects) <= MOST_ORDERED else [tuple(effects)]:
         steps, fit = [base], base.fit
         for effect in order[:-1]:
             found = try_add(fit, effect)
@@ -250,7 +261,7 @@ def _improved(
                 )
             )
     records += refused_records(ImproveRecord, task.run.name, observed)
-    files = {load_effect(s).id: s for s in (*task.extra, *task.names) if s.partition(":")[0].endswith(".py")}
+    files = {load_effect(s).id: s for s in (*task.extra, *task.names) if is_file(s)}
     past = learnt_past([run_learnt_from(steps[-1].fit, prepared.whole)])
     learnt = model_file(steps[-1].fit, task.run.name, prepared.readings, task.until_min, files, past)
     ordered = [r for s in range(len(steps)) for r in in_order([x for x in records if x.step == s], task.run)]

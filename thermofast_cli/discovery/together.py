@@ -25,6 +25,7 @@ from ..learning.rise import free_runs
 from ..machine.modelfile import learnt_from, model_file, past_entry, refuse_copies
 from ..observing.task import LoopTask, ahead_errors, as_told, check_inputs, ids_of, parameters_of, pooled
 from ..plugins.effects import chosen_effects, load_effect
+from ..plugins.files import is_file
 from ..records import ImproveRecord, finite
 from .diagnose import search_run, search_together
 from .improve import Improved, asked_for_base, followed, or_else, status_of
@@ -268,7 +269,7 @@ def _told(
     of_past = plain if len(stages) == 1 else range(len(runs))
     past = learnt_past([run_learnt_from(last.fits[k], runs[k].prepared.whole) for k in of_past])
     task = first.task
-    files = {load_effect(s).id: s for s in (*task.extra, *task.names) if s.partition(":")[0].endswith(".py")}
+    files = {load_effect(s).id: s for s in (*task.extra, *task.names) if is_file(s)}
     origins = [learnt_from(r.prepared.seen, r.task.run.name, r.prepared.readings, r.task.until_min) for r in runs]
     learnt = model_file(last.fits[0], task.run.name, first.prepared.readings, task.until_min, files, past, last.known)
     learnt = msgspec.structs.replace(learnt, also_from=tuple(origins[1:]))

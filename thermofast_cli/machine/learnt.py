@@ -21,6 +21,7 @@ from thermofast.models.uncertainty.pooled import SCATTER
 
 from ..errors import UsageError, listed
 from ..plugins.effects import known_effects, named_effect
+from ..plugins.files import path_and_class
 from ..reading.source import sha256_of
 from .modelfile import EffectEntry, ModelFile, Number, constants_of
 
@@ -185,7 +186,7 @@ def check_effects(model: ModelFile, path: str) -> dict[str, Effect]:
     ------
     UsageError: one is unknown, its file is gone, or a number is outside its range; the message names the model file.
     """
-    gone = [e for e in model.effects if e.file and not Path(e.file.partition(":")[0]).is_file()]
+    gone = [e for e in model.effects if e.file and not Path(path_and_class(e.file)[0]).is_file()]
     if gone:
         raise UsageError(
             f"{path}: its effect {gone[0].id!r} was written in {gone[0].file}, which is not there",
@@ -231,7 +232,7 @@ def _not_read(entry: EffectEntry, channels: Sequence[str]) -> dict[str, list[str
 
 def changed_files(model: ModelFile) -> list[str]:
     """What to say of a user's own effects whose file is no longer the one that the model was learnt with."""
-    changed = [e.file for e in model.effects if e.file and e.sha256 and sha256_of(e.file.partition(":")[0]) != e.sha256]
+    changed = [e.file for e in model.effects if e.file and e.sha256 and sha256_of(path_and_class(e.file)[0]) != e.sha256]
     return [f"{name} has changed since the model was learnt" for name in changed]
 
 

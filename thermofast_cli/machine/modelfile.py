@@ -23,6 +23,7 @@ from thermofast.models.uncertainty.pooled import Pooled
 from .. import __version__
 from ..errors import UsageError
 from ..output.files import write_text_whole
+from ..plugins.files import path_and_class
 from ..reading.source import sha256_of
 
 SCHEMA = "thermofast.model/1"
@@ -223,7 +224,7 @@ def model_file(
                 id=part.id,
                 summary=part.effect.summary,
                 file=files.get(part.id),
-                sha256=sha256_of(files[part.id].partition(":")[0]) if part.id in files else None,
+                sha256=sha256_of(path_and_class(files[part.id])[0]) if part.id in files else None,
                 acts=part.choice.label,
                 constants=_plain(part.choice, run.channels),
                 searched=tuple(p.name for p in part.effect.active(part.choice)),

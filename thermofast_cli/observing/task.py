@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Observations
-from thermofast.models.effects.base import Effect
+from thermofast.models.effects.base import Effect, columns_left
 from thermofast.models.greybox import Model as Greybox
 from thermofast.models.joint import LEVEL, RATE, UNTIL_AT_REST, Fit, Key, Part, fit_model, search, settled
 from thermofast.models.search.heldout import predicted
 from thermofast.models.search.rules import RULES
 
-from ..errors import NeedError, ThermofastError, UsageError, in_one_line, nearest
+from ..errors import NeedError, ThermofastError, UsageError, in_one_line, listed, nearest
 from ..machine.learnt import carry
 from ..machine.model import Model
 from ..plugins.effects import chosen_effects
@@ -144,6 +144,12 @@ def ready(task: LoopTask) -> tuple[Observed, Ready | None]:
 def check_inputs(effects: list[Effect], whole: Observations) -> None:
     """Raises NeedError where an effect that was asked for lacks an input."""
     for effect in effects:
+        if effect.most_sensors is not None and whole.sensors > effect.most_sensors:
+            raise NeedError(
+                f"{whole.name}: the effect {effect.id!r} is tried of {effect.most_sensors} sensors at once at most",
+                found=f"{whole.sensors} sensors",
+                do="choose those that matter with --channels",
+            )
         if not effect.choices(whole):
             have = [*whole.ambient, *whole.inputs]
             raise NeedError(
@@ -151,6 +157,19 @@ def check_inputs(effects: list[Effect], whole: Observations) -> None:
                 found=f"inputs: {', '.join(have) or 'none'}; sensors: {', '.join(whole.channels[:8])}",
                 do="leave the effect out" + _way(effect.needs),
             )
+
+
+def not_tried(effects: Sequence[Effect], seen: Observations) -> str:
+    """What was not looked for because a run has too many sensors or logged columns, in words; empty where all was."""
+    many = [e for e in effects if e.most_sensors is not None and seen.sensors > e.most_sensors]
+    said = [
+        f"{e.id} was not tried: it is of {e.most_sensors} sensors at most, and there are {seen.sensors} (choose with --channels)"
+        for e in many
+    ]
+    left = columns_left(seen)
+    if left and any("column" in c.constants for e in effects if e not in many for c in e.choices(seen)):
+        said.append(f"nothing was tried along {listed(left)}: too many columns are logged (--exclude those that cannot matter)")
+    return "; ".join(said)
 
 
 def _way(needs: str) -> str:

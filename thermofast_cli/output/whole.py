@@ -1,6 +1,7 @@
 """Files whole or not at all: written beside the target, brought to the disk, moved over it; several of one call together."""
 
 import os
+import stat
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -12,6 +13,17 @@ from ..errors import UsageError
 
 #: How names of files begin that are not finished.
 TEMPORARY = ".thermofast-"
+
+
+def _umask() -> int:
+    """What new files may not be, by default: it can only be read by setting it, which is of the whole process."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+#: Read once, before there are threads that make files.
+UMASK = _umask()
 
 
 @dataclass
@@ -64,6 +76,7 @@ def write_whole(path: str, write: Callable[[str], None], at_once: bool = False) 
     ------
     UsageError: the file cannot be written; nothing is left behind.
     """
+    path = os.path.realpath(path)  # what a link leads to is written, not the link
     target = Path(path)
     try:
         handle, temporary = tempfile.mkstemp(prefix=TEMPORARY, suffix=".part" if at_once else target.suffix, dir=target.parent)
@@ -74,9 +87,7 @@ def write_whole(path: str, write: Callable[[str], None], at_once: bool = False) 
     kept = False
     try:
         write(temporary)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)
+        os.chmod(temporary, stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~UMASK)
         _to_disk(temporary)
         if waits is None:
             _put([(temporary, path)])

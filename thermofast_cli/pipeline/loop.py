@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from ..analysis.effect_file import EffectFile, check_effect_runs, write_effect
 from ..discovery.compare import compare_lost, compare_task
 from ..discovery.diagnose import diagnose_lost, diagnose_task, diagnose_together
@@ -19,6 +21,9 @@ from ..results import Comparison, Diagnosis, Improvement
 from ..workers.engine import Started, Work, over_runs, sharing
 from ..workers.pool import cores
 from .sensors import long_enough
+
+#: By how much a logged column may be wrong, at most [its unit].
+WIDEST = 1e7
 
 
 def loop_tasks(
@@ -70,8 +75,12 @@ def ranges_named(started: Sequence[Started], input_ranges: Sequence[tuple[str, f
 
     Raises
     ------
-    UsageError: one is of a column that a run does not log.
+    UsageError: one is of a column that a run does not log, or no number above zero.
     """
+    for name, reach in input_ranges:
+        number = isinstance(reach, int | float | np.number) and not isinstance(reach, bool)
+        if not (number and 0.0 < float(reach) <= WIDEST):
+            raise UsageError(f"--input-range {name}: no number above zero", found=repr(reach), allowed=f"up to {WIDEST:g}")
     found = list(input_ranges)
     for run, _ in started:
         known = [*run.ambient, *run.inputs]

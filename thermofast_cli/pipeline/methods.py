@@ -135,7 +135,7 @@ def minutes_of(values: Iterable[float] | float, name: str) -> tuple[float, ...]:
     ------
     UsageError: none, or one that is not above zero.
     """
-    given: Any = (values,) if isinstance(values, int | float) and not isinstance(values, bool) else values
+    given: Any = (values,) if isinstance(values, int | float | np.number) and not isinstance(values, bool) else values
     try:
         if isinstance(given, str | bytes):  # "45" is no 4 and 5
             raise TypeError

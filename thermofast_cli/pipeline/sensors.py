@@ -67,9 +67,10 @@ def identify_runs(
     """
     how, request = how or Work(), request or Request()
     request.check(method)
+    asked = [run.name for run, _ in started]
     started, short = long_enough(started, request.until_min)
     started = [_prepared(run, start, request) for run, start in started]
-    runs = tuple(run for run, _ in started)
+    runs = tuple(sorted((run for run, _ in (*started, *short)), key=lambda run: asked.index(run.name)))
     known, rules, stopped = _beforehand(started, request, how)
     if stopped:
         return Identification((), runs, True)
@@ -85,6 +86,9 @@ def identify_runs(
         by_task, interrupted = _counting_without(by_task, added, known, method, request, how)
     refused = [*_failed(known.values(), method), *_too_short([run for run, _ in short], method, request.until_min)]
     whole = Found.joined([*by_task, refused])
+    if refused:
+        place = {name: k for k, name in enumerate(asked)}
+        whole = whole.taken(np.argsort([place[name] for name in whole.records.column("run")], kind="stable"))
     return Identification(
         _with_asked(whole.records, started, request),
         runs,

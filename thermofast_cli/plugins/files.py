@@ -15,7 +15,13 @@ from .guard import PluginError, alarm, imported, where
 
 def is_file(name: str) -> bool:
     """Whether a name is that of a file: ``my_effect.py`` or ``my_effect.py:MyEffect``."""
-    return name.partition(":")[0].endswith(".py")
+    return path_and_class(name)[0].endswith(".py")
+
+
+def path_and_class(spec: str) -> tuple[str, str]:
+    """The file and the class of ``path/to/file.py:Class``; a path may hold colons itself."""
+    path, _, wanted = spec.rpartition(":")
+    return (path, wanted) if path.endswith(".py") else (spec, "")
 
 
 def class_in(spec: str, base: type, what: str, guide: str) -> type[Any]:
@@ -26,7 +32,7 @@ def class_in(spec: str, base: type, what: str, guide: str) -> type[Any]:
     UsageError: no such file, no such class in it, or more than one.
     PluginError: the file cannot be imported.
     """
-    path, _, wanted = spec.partition(":")
+    path, wanted = path_and_class(spec)
     file = Path(path)
     if not file.is_file():
         raise UsageError(
@@ -39,7 +45,7 @@ def class_in(spec: str, base: type, what: str, guide: str) -> type[Any]:
     module = importlib.util.module_from_spec(module_spec)
     sys.modules[name] = module
     try:
-        with alarm(f"{path}: still importing"), imported():
+        with alarm(f"{path}: still importing", file=path), imported():
             module_spec.loader.exec_module(module)
     except PluginError:
         raise

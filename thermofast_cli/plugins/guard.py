@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import threading
+import time
 import traceback
 from contextlib import contextmanager
 from difflib import get_close_matches
@@ -21,12 +22,18 @@ from .aside import printing_aside
 
 #: Seconds after which foreign code is taken to loop for ever.
 PATIENCE_S = 10.0
+#: In how many seconds a caller's timer rings that would have rung meanwhile.
+OVERDUE_S = 1e-3
 #: What a filter may take for each reading beside [s].
 PATIENCE_EACH_S = 0.01
 
 
 class PluginError(ThermofastError):
     """Foreign code that cannot be imported, raised, took too long or returned nonsense; it names the file and the line."""
+
+
+class PluginTimeoutError(PluginError):
+    """Foreign code that did not come back: to call it another way would take as long once more."""
 
 
 def failed_status(error: ThermofastError) -> str:
@@ -39,7 +46,7 @@ def watched(member: Any, what: str) -> Any:
     """Turns whatever a plug-in raises into a :class:`PluginError` that names its line; `what` is it in words, as ``effect 'x'``."""
     file = source_of(member)
     try:
-        with alarm(f"{what} ({file})"), contained():
+        with alarm(f"{what} ({file})", file=file), contained():
             yield
     except (PluginError, KeyboardInterrupt, GeneratorExit):
         raise
@@ -71,26 +78,31 @@ def imported() -> Any:
 
 
 @contextmanager
-def alarm(what: str, patience_s: float | None = None) -> Any:
-    """A PluginError after so many seconds (PATIENCE_S), where the system can: not on Windows, not outside the main thread."""
+def alarm(what: str, patience_s: float | None = None, file: str = "") -> Any:
+    """PluginTimeoutError after so many seconds (PATIENCE_S), where the system can: not on Windows, not outside the main thread.
+
+    `file` is that of the foreign code, whose line is told. A timer that the caller had set goes on afterwards.
+    """
     patience_s = PATIENCE_S if patience_s is None else patience_s
     if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def ring(*_: Any) -> None:
-        frames = traceback.extract_stack()
-        user = [f for f in frames if "thermofast_user_" in (f.name or "") or f.filename.endswith(".py")]
-        line = f"line {user[-2].lineno} of {user[-2].filename}" if len(user) > 1 else ""
-        raise PluginError(f"{what}: did not come back within {patience_s:g} s", found=line, do="look for a loop without end")
+        mine = [f.lineno for f in traceback.extract_stack() if file and Path(f.filename).name == Path(file).name]
+        line = f"line {mine[-1]} of {file}" if mine else ""
+        raise PluginTimeoutError(f"{what}: did not come back within {patience_s:g} s", found=line, do="look for a loop without end")
 
     before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, patience_s)
+    left_s, every_s = signal.setitimer(signal.ITIMER_REAL, patience_s)
+    begun_s = time.monotonic()
     try:
         yield
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+        if left_s:
+            signal.setitimer(signal.ITIMER_REAL, max(left_s - (time.monotonic() - begun_s), OVERDUE_S), every_s)
 
 
 def where(error: BaseException, file: str) -> str:

@@ -13,7 +13,7 @@ from thermofast.models.drive import Drive
 from thermofast.models.effects import Effect, Parameter, Values
 from thermofast.models.effects.base import Choice
 
-from .guard import PluginError, source_of, watched
+from .guard import PluginError, PluginTimeoutError, source_of, watched
 
 GUIDE = "docs/add-an-effect.md"
 #: Sizes of the columns of the trial record that are tried: a share, a speed in rpm.
@@ -145,6 +145,8 @@ def _either_way(effect: Effect, run: Observations, values: dict[str, Any], const
     """(curves, whether it must be called row by row): all rows at once where that is right, else with plain numbers."""
     try:
         both = _curves(effect, run, values, constants, False)
+    except PluginTimeoutError:
+        raise
     except PluginError:
         return _curves(effect, run, values, constants, True), True
     try:

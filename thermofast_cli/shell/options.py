@@ -177,8 +177,7 @@ table_options = _together(
         metavar="FILE",
         multiple=True,
         callback=_outputs,
-        help="Write to FILE: .csv .json .jsonl .parquet .md .xlsx .html; may be repeated; with --format the screen shows it too. "
-        "A folder, as results/: a part for each file of an archive (identify, sweep, compare and diagnose only).",
+        help="Write to FILE: .csv .json .jsonl .parquet .md .xlsx .html; may be repeated; with --format the screen shows it too.",
     ),
     click.option(
         "--excel-csv",
@@ -198,7 +197,7 @@ scale_options = _together(
         is_flag=True,
         expose_value=False,
         callback=_keep,
-        help="Go on with the folder of results that -o names: docs/scale.md.",
+        help="Go on with a folder of results: -o results/ writes a part for each file of an archive. See docs/scale.md.",
     ),
     click.option(
         "--prune",
