@@ -219,7 +219,6 @@ class AdaptiveFading(FadingRule):
         """The update of one reading; `wakes` is how far the evidence stands over the threshold, 0 where nothing wakes."""
         nu, gated = evidence.nu, evidence.gated
         noise_threshold = self.noise_threshold * evidence.caution**2
-        s = p[0, 0] + 1.0
         r = m.spread if m.spread > noise_threshold else 1.0
         alpha, weight = 1.0, 1.0
         if gated and abs(m.gated_run) >= self.jump_readings:  # no outlier: the readings have moved for good

@@ -225,7 +225,9 @@ def linked_sensors(count):
 
 def test_an_effect_of_too_many_sensors_is_said_not_to_have_been_tried():
     many = linked_sensors(41)
-    with pytest.raises(tf.ThermofastError, match=r"(?s)'neighbour_heat' is tried of 40 sensors at once at most.*41 sensors.*channels"):
+    with pytest.raises(
+        tf.ThermofastError, match=r"(?s)'neighbour_heat' is tried of 40 sensors at once at most.*41 sensors.*channels"
+    ):
         check_inputs([NeighbourHeat()], observe(tf.read(many)).seen)
     assert check_inputs([NeighbourHeat()], observe(tf.read(linked_sensors(40))).seen) is None
     said = not_tried([FrictionDecay(), NeighbourHeat()], observe(tf.read(many)).seen)

@@ -252,7 +252,7 @@ def test_nobody_is_told_when_a_limit_shows_that_is_no_number():
     )
     case = SimpleNamespace(
         claimed=claimed,
-        past=SimpleNamespace(stayed_min=55.0, changed_min=90.0),
+        past=SimpleNamespace(stayed_min=55.0, changed_min=90.0, guessed=True),
         slow=np.full(2, 1e-4),
         found=SimpleNamespace(time=145.0, steady_state=np.array([30.0, np.nan])),
     )
