@@ -109,5 +109,11 @@ def test_a_link_stays_one_and_a_file_that_nobody_else_may_read_stays_so(tmp_path
     assert link.is_symlink()
     assert target.read_text().startswith("run,channel")
     assert target.stat().st_mode & 0o777 == 0o600
+    pipe, to_pipe = tmp_path / "pipe", tmp_path / "to_pipe.csv"
+    os.mkfifo(pipe)
+    to_pipe.symlink_to(pipe)
+    told.save(str(to_pipe))  # nothing may be put in the place of a pipe or a device
+    assert pipe.is_fifo()
+    assert to_pipe.read_text() == target.read_text()
     told.save(str(tmp_path / "new.csv"))
     assert (tmp_path / "new.csv").stat().st_mode & 0o777 == 0o666 & ~whole.UMASK

@@ -76,7 +76,7 @@ def write_whole(path: str, write: Callable[[str], None], at_once: bool = False) 
     ------
     UsageError: the file cannot be written; nothing is left behind.
     """
-    path = os.path.realpath(path)  # what a link leads to is written, not the link
+    path = _behind_link(path)
     target = Path(path)
     try:
         handle, temporary = tempfile.mkstemp(prefix=TEMPORARY, suffix=".part" if at_once else target.suffix, dir=target.parent)
@@ -99,6 +99,12 @@ def write_whole(path: str, write: Callable[[str], None], at_once: bool = False) 
     finally:
         if not kept:
             _gone(temporary)
+
+
+def _behind_link(path: str) -> str:
+    """The file that a link leads to, which is written in its place; a link to a device or a pipe is taken for a file itself."""
+    real = Path(os.path.realpath(path))
+    return str(real) if os.path.islink(path) and (real.is_file() or not real.exists()) else path
 
 
 def _put(files: list[tuple[str, str]]) -> None:
