@@ -104,7 +104,7 @@ def write_whole(path: str, write: Callable[[str], None], at_once: bool = False) 
 def _behind_link(path: str) -> str:
     """The file that a link leads to, which is written in its place; a link to a device or a pipe is taken for a file itself."""
     real = Path(os.path.realpath(path))
-    return str(real) if os.path.islink(path) and (real.is_file() or not real.exists()) else path
+    return str(real) if Path(path).is_symlink() and (real.is_file() or not real.exists()) else path
 
 
 def _put(files: list[tuple[str, str]]) -> None:
