@@ -810,3 +810,7 @@ def test_a_limit_that_no_rate_moves_is_bounded_although_the_rate_is_unknown():
     for row, limit in zip(tf.identify(columns, drive="speed (rpm)", jobs=1), limits, strict=True):
         assert row.status == "ok", row.message
         assert row.steady_state_lo_c <= limit <= row.steady_state_hi_c
+    record, changed, *_ = stages.machine(633_000)
+    columns = {name: column[record["time_min"] <= changed + 240.0] for name, column in record.items()}
+    row = tf.identify(columns, drive="speed (rpm)", jobs=1)["T3 [degC]"]
+    assert (row.steady_state_hi_c is None, row.t95_hi_min is None, row.status) == (False, True, "not_determined")  # asked apart

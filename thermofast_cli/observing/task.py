@@ -167,7 +167,7 @@ def not_tried(effects: Sequence[Effect], seen: Observations) -> str:
         for e in many
     ]
     left = columns_left(seen)
-    if left and any("column" in c.constants for e in effects if e not in many for c in e.choices(seen)):
+    if left and any("column" in c.constants for e in effects for c in e.choices(seen)):
         said.append(f"nothing was tried along {listed(left)}: too many columns are logged (--exclude those that cannot matter)")
     return "; ".join(said)
 
