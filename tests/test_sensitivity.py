@@ -201,4 +201,7 @@ def test_a_run_that_ends_before_the_identification_time_is_too_short_beside_a_lo
     assert "the record ends at 29 min, before --until 60" in of_short[0].message
     assert {r.status for r in rows if r.run == "long"} == {"ok"}
     late = tf.sensitivity(long, until=60, start=70)[0]
-    assert (late.status, late.message) == ("too_short", "0 readings from 70 min, where the rise starts, to 60; at least 6 are needed")
+    assert (late.status, late.message) == (
+        "too_short",
+        "0 readings from 70 min, where the rise starts, to 60; at least 6 are needed",
+    )
