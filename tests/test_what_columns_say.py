@@ -76,3 +76,21 @@ def test_the_interval_of_a_filters_state_is_that_of_draws_of_it():
     sides = np.quantile(drawn[:, 0] + drawn[:, 1] / drawn[:, 2], [0.025, 0.975])
     steady, _ = Lump().intervals(state, covariance, 1.96)
     assert [steady.low, steady.high] == pytest.approx(sides, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("T5_column", "sensor"),
+        ("T9_table", "sensor"),
+        ("T12 bed", "sensor"),
+        ("T12_bed_pos", "input"),
+        ("T16_table_load", "input"),
+        ("table", "ignored"),
+    ],
+)
+def test_a_part_of_a_machine_behind_the_number_of_a_probe_is_a_place(name, role):
+    minutes = np.arange(60.0)
+    line = 20.0 + 5.0 * -np.expm1(-minutes / 20.0) + 0.02 * np.random.default_rng(1).standard_normal(60)
+    row = tf.inspect({"time_min": minutes, "T1_motor": line, name: line + 1.0})[name]
+    assert (row.role, row.guessed) == (role, row.guessed if role == "ignored" else "")

@@ -234,9 +234,9 @@ class Inspection(Result[InspectRecord]):
     kind: ClassVar[type[Row]] = InspectRecord
     named_by: ClassVar[str] = "column"
 
-    def rows(self) -> list[dict[str, Any]]:
-        """The records as dictionaries."""
-        return [record.as_dict() for record in self.records]
+    def _with_guesses(self) -> Sequence[InspectRecord]:
+        """The records, of which each says what was guessed of its own column."""
+        return self.records
 
     def input(self) -> list[dict[str, Any]]:
         """How each file is laid out, and what was guessed of it."""

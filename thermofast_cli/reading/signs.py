@@ -24,6 +24,7 @@ from .vocabulary import (
     NAMELESS,
     NOT_TEMPERATURE,
     OTHER,
+    PARTS,
     PLACES,
     QUALITIES,
     QUANTITIES,
@@ -184,6 +185,7 @@ def _speaks_of_temperature(name: str, said: set[str]) -> bool:
             re.fullmatch(r"[Tt]|[Tt][ _].*|T[A-Z][a-z]*|T[a-z]{1,3}", bare) is not None
             and not said & (INPUTS | OTHER) - WARM_INPUTS
         )
+        or (re.match(r"[Tt]\d+[ _-]", bare) is not None and said & (PLACES | PARTS) and not said & INPUTS)
     )
 
 

@@ -124,6 +124,8 @@ PLACES = _set(
     "spindle spindel compressor gearbox headstock "
     "pipe rohr rodamiento cuscinetto rolamento palier roulement łożysko łożyska ložisko ložiska подшипник подшипника"
 )
+#: Parts of a machine tool whose words mean other things in tables; behind the number of a probe they are places: T5_column.
+PARTS = _set("column table bed base frame ram saddle quill chuck carriage slide beam rail ständer tisch bett schlitten")
 #: A temperature made from others: their difference, scatter or rate.
 DERIVED = _set(
     "rise overtemperature übertemperatur uebertemperatur anstieg erwärmung erwaermung delta std stdev stddev sigma "
