@@ -790,9 +790,11 @@ def test_strong_parts_follow_each_change_of_a_heat_that_is_known():
     assert TYPICAL.follows(0.0).tolist() == [1.0] + [0.0] * len(wanted)
 
 
-@pytest.mark.parametrize(("unknown", "farther", "bounded"), [(0.7, 0.2, True), (0.7, 0.3, False), (np.inf, 0.0, False)])
-def test_a_side_is_bounded_where_the_prior_of_an_unknown_rate_hardly_holds_it(unknown, farther, bounded):
-    assert _bounded(unknown, farther, 1.0) is bounded
+@pytest.mark.parametrize(
+    ("moved", "half", "bounded"), [(0.2, 1.0, True), (-0.2, -1.0, True), (0.3, 1.0, False), (-0.3, 1.0, False)]
+)
+def test_a_side_is_bounded_where_the_prior_of_an_unknown_rate_hardly_holds_it(moved, half, bounded):
+    assert bool(_bounded(moved, half)) is bounded
 
 
 def test_a_straight_line_leaves_the_limit_open():

@@ -126,12 +126,14 @@ def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool
             at[i, k] = quantiles(w, mu[:, FIRST_TIME + k], sd[:, FIRST_TIME + k])
         of_rate, cell = weight[i].sum(axis=1), cell_of[i]
         unknown = _rate_unknown(run, i, log_rate[i], weight[i], cell)
-        if unknown > RATE_UNKNOWN:
+        if np.isinf(unknown):
+            open_limit[i] = open_t95[i] = True
+        elif unknown > RATE_UNKNOWN:
             free = w * np.exp(-run.log_rate_prior(log_rate[i, places] - run.centre[i], i))
-            far = quantiles(free, mu[:, LIMIT], sd[:, LIMIT]) - steady[i], _settling(free, *ahead) - t95[i]
-            end = 2 if r @ w >= 0.0 else 0
-            open_limit[i] = not _bounded(unknown, abs(far[0][end]), abs(steady[i, end] - steady[i, 1]))
-            open_t95[i] = not _bounded(unknown, abs(far[1][2]), t95[i, 2] - t95[i, 1])
+            limit, done = quantiles(free, mu[:, LIMIT], sd[:, LIMIT]), _settling(free, *ahead)
+            far = 2 if r @ w >= 0.0 else 0
+            open_limit[i] = not _bounded(limit[far] - steady[i, far], steady[i, far] - steady[i, 1])
+            open_t95[i] = not _bounded(done[2] - t95[i, 2], t95[i, 2] - t95[i, 1])
         rate[i] = np.exp(quantiles(of_rate, log_rate[i], 0.5 * cell))
         strong[i] = weight[i][:, lasting].sum()
         m = len(run.blocks_of(i).time)
@@ -195,9 +197,9 @@ def _rate_unknown(run: Run, sensor: int, log_rate: Array, weight: Array, cell: A
     return float(np.sqrt(within.sum()) / assumed)
 
 
-def _bounded(unknown: float, farther: float, half: float) -> bool:
-    """Whether a side `half` off the middle is one of the readings, where without the prior of the rate it would lie `farther`."""
-    return bool(np.isfinite(unknown) and farther <= OUT_OF_PRIOR * half)
+def _bounded(moved: float, half: float) -> bool:
+    """Whether a side `half` off the middle is one of the readings, where without the prior of the rate it would have `moved`."""
+    return abs(moved) <= OUT_OF_PRIOR * abs(half)
 
 
 def _draw(
