@@ -496,12 +496,12 @@ def test_a_record_that_ends_just_before_the_identification_time_is_read_to_its_e
 
 def test_rows_come_in_the_order_of_the_runs_and_the_results_know_short_ones():
     line = 20.0 + 6.0 * -np.expm1(-MINUTES / 30.0) + 0.02 * np.random.default_rng(5).standard_normal(120)
-    runs = [tf.read({"time_min": MINUTES[:n], "T1": line[:n]}, name=name) for name, n in (("a", 30), ("b", 120), ("c", 40))]
+    runs = [tf.read({"time_min": MINUTES[:n], "T1": line[:n]}, name=name) for name, n in (("c", 30), ("b", 120), ("a", 40))]
     told = tf.identify(runs, until=60, details=True)
-    assert [(r.run, r.status == "too_short") for r in told] == [("a", True), ("b", False), ("c", True)]
-    assert [run.name for run in told.runs] == ["a", "b", "c"]
+    assert [(r.run, r.status == "too_short") for r in told] == [("c", True), ("b", False), ("a", True)]
+    assert [run.name for run in told.runs] == ["c", "b", "a"]
     assert [trace is not None for trace in told.traces] == [False, True, False]
-    assert [r.run for r in tf.compare(runs, until=60)] == ["a", "b", "c"]
+    assert [r.run for r in tf.compare(runs, until=60)] == ["c", "b", "a"]
 
 
 @pytest.mark.parametrize("reach", [-1.0, 0.0, float("nan"), "x", None, True])

@@ -21,7 +21,7 @@ from thermofast.estimation.sensor import Signals
 from thermofast.filters import Afukf
 from thermofast.models import Lump
 from thermofast.models.decay import LOG_TWENTY
-from thermofast.models.imperfection import NONE, TYPICAL, Part, Sizes, _mixture_numpy, lagged, settle
+from thermofast.models.imperfection import NONE, TYPICAL, Part, Sizes, _mixture_numpy, lagged, posterior, settle
 from thermofast.models.imperfection.blocks import block_means
 from thermofast.models.imperfection.numerics import core
 from thermofast.models.imperfection.posterior import _bounded
@@ -805,13 +805,16 @@ def test_a_straight_line_leaves_the_limit_open():
     assert found.open_limit.tolist() == found.open_t95.tolist() == [True]
 
 
-def test_a_limit_that_no_rate_moves_is_bounded_although_the_rate_is_unknown():
+def test_a_limit_that_no_rate_moves_is_bounded_although_the_rate_is_unknown(monkeypatch):
     """A chain four hours after its last step, of which strong parts that follow the load leave the law's own rate open."""
+    halves = []
+    monkeypatch.setattr(posterior, "_bounded", lambda moved, half: halves.append(half) or _bounded(moved, half))
     record, changed, limits, _ = stages.machine(633_006)
     columns = {name: column[record["time_min"] <= changed + 240.0] for name, column in record.items()}
     for row, limit in zip(tf.identify(columns, drive="speed (rpm)", jobs=1), limits, strict=True):
         assert row.status == "ok", row.message
         assert row.steady_state_lo_c <= limit <= row.steady_state_hi_c
+    assert min(halves) > 0.0  # all of them rise: it is the upper side that is asked
     record, changed, *_ = stages.machine(633_000)
     columns = {name: column[record["time_min"] <= changed + 240.0] for name, column in record.items()}
     row = tf.identify(columns, drive="speed (rpm)", jobs=1)["T3 [degC]"]

@@ -275,7 +275,7 @@ def tried_columns(run: Observations, warm: bool = False, but: Sequence[str] = ()
     return dict(list(varying(mine).items())[:MOST_COLUMNS])
 
 
-def columns_left(run: Observations) -> list[str]:
+def columns_not_tried(run: Observations) -> list[str]:
     """Logged inputs that change and along which no effect is tried, because there are too many: those logged last."""
     tried = {*tried_columns(run), *tried_columns(run, warm=True)}
     return [n for n in varying(run.inputs) if n not in tried]

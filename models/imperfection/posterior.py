@@ -27,7 +27,7 @@ DOUBTED = 0.05
 LEAST_WEIGHT = 5e-5
 #: A spread of the log rate over the prior's above this is mostly the prior's own.
 RATE_UNKNOWN = 0.5
-#: A side that this share of its half-width farther off would lie without the prior of such a rate is a number out of that prior.
+#: A side that a flat prior of such a rate would move by this share of the half-width is a number out of the prior that it has.
 OUT_OF_PRIOR = 0.25
 
 
@@ -129,8 +129,8 @@ def _predicted(run: Run, log_rate: Array, weight: Array, agrees: NDArray[np.bool
         if np.isinf(unknown):
             open_limit[i] = open_t95[i] = True
         elif unknown > RATE_UNKNOWN:
-            free = w * np.exp(-run.log_rate_prior(log_rate[i, places] - run.centre[i], i))
-            limit, done = quantiles(free, mu[:, LIMIT], sd[:, LIMIT]), _settling(free, *ahead)
+            flat = w * np.exp(-run.log_rate_prior(log_rate[i, places] - run.centre[i], i))
+            limit, done = quantiles(flat, mu[:, LIMIT], sd[:, LIMIT]), _settling(flat, *ahead)
             far = 2 if r @ w >= 0.0 else 0
             open_limit[i] = not _bounded(limit[far] - steady[i, far], steady[i, far] - steady[i, 1])
             open_t95[i] = not _bounded(done[2] - t95[i, 2], t95[i, 2] - t95[i, 1])
@@ -198,7 +198,7 @@ def _rate_unknown(run: Run, sensor: int, log_rate: Array, weight: Array, cell: A
 
 
 def _bounded(moved: float, half: float) -> bool:
-    """Whether a side `half` off the middle is one of the readings, where without the prior of the rate it would have `moved`."""
+    """Whether a side `half` off the middle is one of the readings: it has hardly `moved` under a flat prior of the rate."""
     return abs(moved) <= OUT_OF_PRIOR * abs(half)
 
 

@@ -287,11 +287,11 @@ def with_claims(
     back: as :func:`comes_back` says of each sensor; staged: what has another rise than the law's has that of a load in stages.
     """
     steady, t95 = claimed.steady.copy(), claimed.t95.copy()
-    # Where the readings hardly say more of the rate than was assumed, the slow side would be a number out of the prior; where the
-    # heat has hardly come, one out of what came first.
+    # Where the prior of the rate holds the far side it would be a number out of that prior; where the heat has hardly come, one out
+    # of what came first.
     rises = law.state[:, 0] >= law.initial
-    hardly = np.isfinite(claimed.behind)
-    open_ = claimed.open_limit | hardly
+    behind = np.isfinite(claimed.behind)
+    open_ = claimed.open_limit | behind
     with np.errstate(invalid="ignore"):
         against = claimed.behind < 0.0  # the others: neither its own way nor theirs is the rest of it
     steady[open_ & (rises | against), 2] = np.nan
@@ -302,7 +302,7 @@ def with_claims(
     _as_read(
         t95, law, start, np.where(rises[:, None], steady, steady[:, ::-1]), claimed.rate, sensors, ~claimed.other_rise | staged
     )
-    t95[claimed.open_t95 | hardly, 2] = np.nan
+    t95[claimed.open_t95 | behind, 2] = np.nan
     t95[back] = np.nan
     most = went(law, sensors)
     _to_the_beginning(steady, law, most)

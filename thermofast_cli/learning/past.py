@@ -337,8 +337,8 @@ def _knowledge(task: LoopTask) -> Knowledge:
             f"it leaves a pattern in {', '.join(past.unexplained)} of what it was learnt from, for which intervals make room"
         )
     # What a model of one rate leaves of its own runs follows another course of the drive in another way.
-    caricature = task.drive is not None and bool(past.unexplained)
-    other_modes = DRIVEN if caricature else 0.0
+    other_ways = task.drive is not None and bool(past.unexplained)
+    other_modes = DRIVEN if other_ways else 0.0
     rises = rises_of(carried.fit, prepared.whole, until_min=task.fitted_min, other_modes=other_modes)
     known = {c: s for c, s in past.shapes.items() if c in rises}
     reached = _reached(rises, file, known)
@@ -353,7 +353,7 @@ def _knowledge(task: LoopTask) -> Knowledge:
     unreached = {c: rest * (1.0 - share) for c, share in reached.items()}
     open_end = frozenset(known if events else {*short, *without_neighbours(file, tuple(prepared.seen.channels))})
     past = replace(past, shapes=known, rises=rises, open_end=open_end, unreached=unreached)
-    if caricature:  # and shortly after a jump of it the readings have said nothing yet of how
+    if other_ways:  # and shortly after a jump of it the readings have said nothing yet of how
         past = replace(past, changed_min=_changed(carried.fit, task.start_min))
     return Knowledge(name, past, tuple(notes), uses_room)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import Observations
-from thermofast.models.effects.base import Effect, columns_left
+from thermofast.models.effects.base import Effect, columns_not_tried
 from thermofast.models.greybox import Model as Greybox
 from thermofast.models.joint import LEVEL, RATE, UNTIL_AT_REST, Fit, Key, Part, fit_model, search, settled
 from thermofast.models.search.heldout import predicted
@@ -166,7 +166,7 @@ def not_tried(effects: Sequence[Effect], seen: Observations) -> str:
         f"{e.id} was not tried: it is of {e.most_sensors} sensors at most, and there are {seen.sensors} (choose with --channels)"
         for e in many
     ]
-    left = columns_left(seen)
+    left = columns_not_tried(seen)
     if left and any("column" in c.constants for e in effects for c in e.choices(seen)):
         said.append(f"nothing was tried along {listed(left)}: too many columns are logged (--exclude those that cannot matter)")
     return "; ".join(said)

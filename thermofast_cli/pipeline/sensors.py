@@ -67,10 +67,10 @@ def identify_runs(
     """
     how, request = how or Work(), request or Request()
     request.check(method)
-    asked = [run.name for run, _ in started]
+    place = {run.name: k for k, (run, _) in enumerate(started)}
     started, short = long_enough(started, request.until_min)
     started = [_prepared(run, start, request) for run, start in started]
-    runs = tuple(sorted((run for run, _ in (*started, *short)), key=lambda run: asked.index(run.name)))
+    runs = tuple(sorted((run for run, _ in (*started, *short)), key=lambda run: place[run.name]))
     known, rules, stopped = _beforehand(started, request, how)
     if stopped:
         return Identification((), runs, True)
@@ -87,7 +87,6 @@ def identify_runs(
     refused = [*_failed(known.values(), method), *_too_short([run for run, _ in short], method, request.until_min)]
     whole = Found.joined([*by_task, refused])
     if refused:
-        place = {name: k for k, name in enumerate(asked)}
         whole = whole.taken(np.argsort([place[name] for name in whole.records.column("run")], kind="stable"))
     return Identification(
         _with_asked(whole.records, started, request),

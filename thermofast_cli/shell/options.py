@@ -384,11 +384,11 @@ def numbers(text: str, option: str, of: str = "minutes") -> tuple[float, ...]:
 
 
 def ranges(texts: tuple[str, ...]) -> tuple[tuple[str, float], ...]:
-    """'ambient=0.5' as ('ambient', 0.5).
+    """'ambient=0.5' as ('ambient', 0.5); that it is above zero is seen where the column is looked for.
 
     Raises
     ------
-    UsageError: not of that form, or not a number above zero.
+    UsageError: not of that form.
     """
     found = []
     for text in texts:
@@ -397,7 +397,7 @@ def ranges(texts: tuple[str, ...]) -> tuple[tuple[str, float], ...]:
             reach = float(value)
         except ValueError:
             reach = math.nan
-        if not name or not 0.0 < reach < math.inf:
+        if not name or math.isnan(reach):
             raise UsageError("--input-range: not of the form COLUMN=X", found=repr(text), allowed="X above zero, as in ambient=0.5")
         found.append((name.strip(), reach))
     return tuple(found)
