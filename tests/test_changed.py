@@ -12,7 +12,9 @@ from scipy.stats import norm
 import thermofast as tf
 from thermofast.analysis.changed import Difference
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
-from thermofast.models.uncertainty.changes import Begun, Change, RunNumbers, _mixed, _size, changes, other_room, scatter, with_room
+from thermofast.models.uncertainty.changes import Begun, Change, RunNumbers, changes, other_room, with_room
+from thermofast.models.uncertainty.changes.kinds import _mixed, _size
+from thermofast.models.uncertainty.changes.repeats import repeats, scatter
 from thermofast.observing.observe import observe
 from thermofast.output.pictures.change import draw_change
 

@@ -13,14 +13,15 @@ from thermofast.analysis.changed import _bent, _of_a_size
 from thermofast.analysis.sides import hardly_bent
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
 from thermofast.models.uncertainty import changes as changed
+from thermofast.models.uncertainty.changes import begun, kinds, numbers, repeats
 from thermofast.observing.observe import observe
 
 
 def test_a_mixed_size_has_the_spread_of_its_ways():
     """Halves of 0.1 and 0.3 with deviations of 0.1: the root of 0.01 and 0.01; none where the likeliest way has none."""
-    found = changed._mixed(np.array([0.6, 0.4]), [(1, 0.1, 0.1), (2, 0.3, 0.1)])
+    found = kinds._mixed(np.array([0.6, 0.4]), [(1, 0.1, 0.1), (2, 0.3, 0.1)])
     assert found == (1, pytest.approx(0.18), pytest.approx(math.sqrt(0.01 + 0.6 * 0.08**2 + 0.4 * 0.12**2)))
-    assert changed._mixed(np.array([0.6, 0.4]), [None, (2, 0.3, 0.1)]) == (None, None, None)
+    assert kinds._mixed(np.array([0.6, 0.4]), [None, (2, 0.3, 0.1)]) == (None, None, None)
 
 
 def test_another_room_has_the_part_of_nothing_that_it_takes():
@@ -55,27 +56,27 @@ def test_a_size_is_the_posterior_mean_of_a_normal_prior():
     """Heat moves both rises by 0.2, known to 0.1 each, beside a prior of 0.4: 0.2 times 16 / 16.5 of the precision."""
     noise = np.diag([0.01, 0.01, 0.01, 0.01])
     heat = np.array([0.0, 0.0, 1.0, 1.0])[:, None]
-    found = changed._size("heat", heat, 0.4, np.array([0.0, 0.0, 0.2, 0.2]), noise)
+    found = kinds._size("heat", heat, 0.4, np.array([0.0, 0.0, 0.2, 0.2]), noise)
     assert found == (None, pytest.approx(0.2 * 200.0 / 206.25), pytest.approx(1.0 / math.sqrt(206.25)))
-    assert changed._size("nothing", heat, 0.4, np.zeros(4), noise) is None
-    most = changed._size("contact", np.eye(4), 0.2, np.array([0.0, 0.3, 0.1, 0.0]), noise)
+    assert kinds._size("nothing", heat, 0.4, np.zeros(4), noise) is None
+    most = kinds._size("contact", np.eye(4), 0.2, np.array([0.0, 0.3, 0.1, 0.0]), noise)
     assert most == (1, pytest.approx(0.0), pytest.approx(1.0 / math.sqrt(125.0)))
 
 
 def test_scatter_is_the_usual_one_scaled_by_what_like_runs_show():
     """Two runs beside each other add one run's degrees of freedom to the three that are assumed."""
-    usual_ = changed.scatter(1, [])
+    usual_ = repeats.scatter(1, [])
     assert usual_ == pytest.approx(np.array([[0.06**2 + 0.015**2, -0.5 * 0.06 * 0.05], [-0.5 * 0.06 * 0.05, 0.05**2 + 0.015**2]]))
     off = np.array([0.05, -0.02])
     runs = [changed.RunNumbers(s * off, np.zeros((2, 2))) for s in (1.0, -1.0)]
     square = 2.0 * off @ np.linalg.solve(usual_, off)
-    assert changed.scatter(1, [runs]) == pytest.approx(usual_ * (6.0 + square) / (6.0 + 2.0))
-    assert changed.scatter(1, [runs[:1]]) == pytest.approx(usual_)
+    assert repeats.scatter(1, [runs]) == pytest.approx(usual_ * (6.0 + square) / (6.0 + 2.0))
+    assert repeats.scatter(1, [runs[:1]]) == pytest.approx(usual_)
 
 
 def test_kinds_of_change_move_what_physics_has_them_move():
     """Heat the rises, heat capacity the rates down, loss rates up and rises down, a sensor its own two; of one none of these."""
-    told = changed._hypotheses(2)
+    told = kinds._hypotheses(2)
     assert [(k, s) for k, s, *_ in told] == [
         ("nothing", None),
         ("heat", None),
@@ -87,9 +88,9 @@ def test_kinds_of_change_move_what_physics_has_them_move():
     ]
     assert [d[:, 0].tolist() for _, _, d, *_ in told[1:4]] == [[0, 0, 1, 1], [-1, -1, 0, 0], [1, 1, -1, -1]]
     assert told[5][2].tolist() == [[0, 0], [0, 1], [0, 0], [1, 0]]
-    assert sum(p for *_, p in told) + changed.PRIORS["exchanged"] == pytest.approx(1.0)
+    assert sum(p for *_, p in told) + kinds.PRIORS["exchanged"] == pytest.approx(1.0)
     assert [size for *_, size, _ in told] == [0.0, 0.4, 0.4, 0.4, 0.2, 0.2, 0.2]
-    assert len(changed._hypotheses(1)) == 4
+    assert len(kinds._hypotheses(1)) == 4
 
 
 def test_kinds_of_change_are_weighed_by_their_marginal_likelihoods():
@@ -97,10 +98,10 @@ def test_kinds_of_change_are_weighed_by_their_marginal_likelihoods():
     old = [changed.RunNumbers(np.zeros(2), 1e-4 * np.eye(2))]
     new = [changed.RunNumbers(np.array([0.0, 0.3]), 1e-4 * np.eye(2))]
     found = changed.changes(old, new)
-    noise = 2.0 * (changed.scatter(1, []) + 1e-4 * np.eye(2))
+    noise = 2.0 * (repeats.scatter(1, []) + 1e-4 * np.eye(2))
     difference, weights = np.array([0.0, 0.3]), []
-    for kind, _, direction, size, prior in changed._hypotheses(1):
-        own = changed._size(kind, direction, size, difference, noise)
+    for kind, _, direction, size, prior in kinds._hypotheses(1):
+        own = kinds._size(kind, direction, size, difference, noise)
         unlike = (0.1 * own[1]) ** 2 * np.eye(2) if own else 0.0
         covariance = noise + size**2 * direction @ direction.T + unlike
         weights.append(prior * stats.multivariate_normal.pdf(difference, np.zeros(2), covariance))
@@ -154,8 +155,8 @@ def test_where_a_sensor_began_beside_the_others():
     assert alone[2, 1] == pytest.approx(3.0 - 0.15)
     rises = np.array([[9.0, 7.0, 5.0]] * 3)
     found = changed.with_offset([changed.Change("nothing", None, 1.0)], starts, rises, 2, np.full(3, 0.01))
-    variance = changed.BESIDE**2 / 2.0 * (1.0 / 2.0 + 1.0)  # of two old runs without scatter of their own and a new one
-    shrunk = changed.PROBE**2 / (changed.PROBE**2 + variance)
+    variance = begun.BESIDE**2 / 2.0 * (1.0 / 2.0 + 1.0)  # of two old runs without scatter of their own and a new one
+    shrunk = begun.PROBE**2 / (begun.PROBE**2 + variance)
     assert (found[0].kind, found[0].sensor, found[0].kelvin) == ("sensor", 1, True)
     assert found[0].size == pytest.approx(2.85 * shrunk)
     assert (
@@ -174,7 +175,7 @@ def test_a_large_change_is_not_one_factor_on_every_point():
         return next(c for c in changed.changes(old, new).changes if c.kind == "loss").deviation
 
     large, small = deviation(np.log(2.0)), deviation(0.01)
-    assert np.sqrt(large**2 - small**2) == pytest.approx(changed.UNLIKE * np.log(2.0) / np.sqrt(6.0), rel=0.1)
+    assert np.sqrt(large**2 - small**2) == pytest.approx(kinds.UNLIKE * np.log(2.0) / np.sqrt(6.0), rel=0.1)
 
 
 def test_a_change_of_the_whole_machine_is_one_that_its_points_show():
@@ -182,22 +183,22 @@ def test_a_change_of_the_whole_machine_is_one_that_its_points_show():
     n, size = 6, 0.11
     errors = np.array([0.006, 0.006, 0.02, 0.02, 0.02, 0.02])
     noise = np.kron(np.eye(2), 0.95 * np.outer(errors, errors) + np.diag(0.05 * errors**2))
-    of_heat = next(d for kind, _, d, *_ in changed._hypotheses(n) if kind == "heat")
+    of_heat = next(d for kind, _, d, *_ in kinds._hypotheses(n) if kind == "heat")
 
     def shown(rises, at=size):
-        return changed._of_every_point("heat", of_heat, (None, at, 0.02), np.concatenate([np.zeros(n), rises]), noise)
+        return kinds._of_every_point("heat", of_heat, (None, at, 0.02), np.concatenate([np.zeros(n), rises]), noise)
 
     assert shown(np.full(n, size))
     assert shown(np.array([0.15, 0.09, 0.12, 0.1, 0.11, 0.1]))
     up_and_down = np.log([1.09, 1.11, 0.95, 0.95, 0.95, 0.95])
-    puzzle = changed._size("heat", of_heat, changed.SIZE, np.concatenate([np.zeros(n), up_and_down]), noise)
+    puzzle = kinds._size("heat", of_heat, kinds.SIZE, np.concatenate([np.zeros(n), up_and_down]), noise)
     assert not -0.051 <= puzzle[1] <= 0.104  # beyond all of them, and none of both ways
     assert not shown(up_and_down)
     assert not shown(np.full(n, size), 2.0 * size)
     assert shown(-np.full(n, size), -size)
     assert shown(np.array([0.15, 0.09, 0.12, 0.1, 0.11, -0.5]))  # one of them is elsewhere
-    assert changed._of_every_point("sensor", of_heat, (None, 9.0, 0.1), np.zeros(2 * n), noise)
-    assert changed._of_every_point("heat", of_heat[:2], (None, 9.0, 0.1), np.zeros(2), noise[:2, :2])
+    assert kinds._of_every_point("sensor", of_heat, (None, 9.0, 0.1), np.zeros(2 * n), noise)
+    assert kinds._of_every_point("heat", of_heat[:2], (None, 9.0, 0.1), np.zeros(2), noise[:2, :2])
 
 
 def test_a_change_that_its_points_do_not_show_is_none_of_the_kinds():
@@ -227,15 +228,15 @@ def test_a_probe_is_told_from_a_test_that_is_logged_late():
 
 
 def test_the_middle_counts_what_is_known():
-    assert changed._middle(np.array([3.0, 1.0, 2.0]), np.ones(3)) == 2.0
-    assert changed._middle(np.array([3.0, 1.0, 2.0]), np.array([0.1, 1.0, 1.0])) == 3.0
+    assert begun.weighted_median(np.array([3.0, 1.0, 2.0]), np.ones(3)) == 2.0
+    assert begun.weighted_median(np.array([3.0, 1.0, 2.0]), np.array([0.1, 1.0, 1.0])) == 3.0
 
 
 def test_more_loss_leaves_no_point_warmer():
-    loss = changed._hypotheses(2)[3][2]
+    loss = kinds._hypotheses(2)[3][2]
     noise = 0.01**2 * np.eye(4)
     for rise, fine in ((-0.3, True), (0.01, True), (0.03, False)):
-        assert changed._all_one_way(loss, (None, 0.4, 0.1), np.array([0.4, 0.2, -0.5, rise]), noise) == fine
+        assert kinds._all_one_way(loss, (None, 0.4, 0.1), np.array([0.4, 0.2, -0.5, rise]), noise) == fine
 
 
 def a_run(course=0.0, rates=(0.01, 0.03), rises=(4.0, 9.0)):
@@ -268,12 +269,12 @@ def test_the_air_beside_a_sensor_moves_its_own_numbers_and_the_room_those_of_all
     air = still.covariance - alone.covariance
     assert air[0, 1] == air[0, 3] == air[2, 3] == 0.0
     moved = np.array([[0.0, 0.0, 0.025, 0.025], [0.2, 0.2, -0.1, -0.1], np.zeros(4), [0.0, 0.0, 1.0, -1.0]])
-    own = changed._of_the_air(moved, 2.0)
+    own = numbers._of_the_air(moved, 2.0)
     assert own[0, 0] == pytest.approx(0.2**2 * (4.0 + changed.LOGGED_DRIFT**2))
     assert own[0, 1] == pytest.approx(4.0 * 0.2**2)
     assert own[0, 2] == pytest.approx(-0.02 * (4.0 + changed.LOGGED_DRIFT**2))
-    assert own[2, 3] == pytest.approx(4.0 * 0.01 - changed.LOGGED_COURSE**2)
-    assert own[2, 2] == pytest.approx(0.01 * (4.0 + changed.LOGGED_DRIFT**2) + 0.025**2 + changed.LOGGED_COURSE**2)
+    assert own[2, 3] == pytest.approx(4.0 * 0.01 - numbers.LOGGED_COURSE**2)
+    assert own[2, 2] == pytest.approx(0.01 * (4.0 + changed.LOGGED_DRIFT**2) + 0.025**2 + numbers.LOGGED_COURSE**2)
     assert math.sqrt(air[2, 2]) >= 0.1 / 4.0
     assert math.sqrt(air[3, 3]) >= 0.1 / 9.0
 
@@ -426,11 +427,11 @@ def test_an_exchange_is_weighed_as_no_change_is_with_the_numbers_crossed():
     rng = np.random.default_rng(5)
     covariance = np.array([m @ m.T for m in rng.normal(0.0, 0.05, (2, 6, 6))])
     old, new = rng.normal(0.0, 0.3, (2, 6))
-    found = dict(changed._exchanges((old, covariance[0]), (new, covariance[1])))
+    found = dict(kinds._exchanges((old, covariance[0]), (new, covariance[1])))
     order = [2, 1, 0, 5, 4, 3]
     noise = covariance[0] + covariance[1][np.ix_(order, order)]
     density = stats.multivariate_normal(np.zeros(6), noise).logpdf(new[order] - old) + 3.0 * math.log(2.0 * math.pi)
-    assert found[0, 2] == pytest.approx(density + math.log(changed.PRIORS["exchanged"] / 3.0))
+    assert found[0, 2] == pytest.approx(density + math.log(kinds.PRIORS["exchanged"] / 3.0))
     assert set(found) == {(0, 1), (0, 2), (1, 2)}
 
 

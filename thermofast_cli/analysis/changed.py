@@ -88,7 +88,7 @@ def compare_runs(
     UsageError: no runs, no sensor that all have, too few readings, a sensor that does not move, or a run on both sides.
     """
     sides = Sides.of(old, new, model)
-    seen_as = changes(*sides.numbers(), sides.begun)
+    seen_as = changes(*sides.numbers(), sides.begun, sides.by_length)
     found, difference, deviation = seen_as.changes, seen_as.difference, np.sqrt(np.diag(seen_as.noise))
     if sides.knows_rooms:
         found = _with_room(sides.fits, sides.starts, sides.old, found, seen_as.same_start)

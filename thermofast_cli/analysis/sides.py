@@ -11,7 +11,7 @@ from thermofast.models import Observations
 from thermofast.models.joint import LEVEL, START, Fit, Key, fit_model
 from thermofast.models.search.judge import widening
 from thermofast.models.search.logged import follows_machine
-from thermofast.models.uncertainty.changes import LOGGED_DRIFT, WARM, Begun, RunNumbers, without_room
+from thermofast.models.uncertainty.changes import LOGGED_DRIFT, WARM, Begun, RunNumbers, beside_others, by_length, without_room
 
 from ..errors import UsageError
 from ..machine.learnt import as_learnt, first_readings
@@ -141,10 +141,17 @@ class Sides:
         ------
         UsageError: a sensor does not move.
         """
-        found = [_numbers(fit, LOGGED_DRIFT if self.logged else 1.0) for fit in self.fits]
+        drift = LOGGED_DRIFT if self.logged else 1.0
+        found = [_numbers(fit, wider, drift) for fit, wider in zip(self.fits, beside_others(self.fits), strict=True)]
         if self.model is not None:
             found[0] = replace(found[0], runs=self.stand_for)
         return found[: self.old], found[self.old :]
+
+    @property
+    def by_length(self) -> Array:
+        """By how much the numbers of the old runs (2 S,) move by the logarithm of the length of a run."""
+        mean: Array = np.mean([by_length(fit) for fit in self.fits[: self.old]], axis=0)
+        return mean
 
     @cached_property
     def first(self) -> Array | None:
@@ -251,8 +258,8 @@ def hardly_bent(fits: Sequence[Fit]) -> list[str]:
     return [c for c, left_out in zip(channels, weak, strict=True) if left_out]
 
 
-def _numbers(fit: Fit, drift: float) -> RunNumbers:
-    found = RunNumbers.of(fit, widening(fit), drift)
+def _numbers(fit: Fit, wider: Array, drift: float) -> RunNumbers:
+    found = RunNumbers.of(fit, wider, drift)
     if found is None or not np.all(np.isfinite(found.covariance)):
         raise UsageError(
             f"{fit.run.name}: a sensor does not move", found=", ".join(fit.run.channels[:8]), do="choose others with --channels"
