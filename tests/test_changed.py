@@ -3,18 +3,19 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.stats import norm
+from scipy.stats import multivariate_normal, norm
 
 import thermofast as tf
 from thermofast.analysis.changed import Difference
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
 from thermofast.models.uncertainty.changes import Begun, Change, RunNumbers, changes, other_room, with_room
 from thermofast.models.uncertainty.changes.kinds import _mixed, _size
-from thermofast.models.uncertainty.changes.repeats import repeats, scatter
+from thermofast.models.uncertainty.changes.repeats import COMMON, OWN_SCALES, SCALES, _mean, repeats, scatter
 from thermofast.observing.observe import observe
 from thermofast.output.pictures.change import draw_change
 
@@ -124,25 +125,18 @@ def test_a_record_that_is_hardly_bent_does_not_part_heat_and_capacity():
     assert told[0].status == "not_determined"
 
 
-def test_scatter_of_few_runs_is_neither_too_wide_nor_too_narrow():
-    rng = np.random.default_rng(6)
-    usual = scatter(3, [])
-    root = np.linalg.cholesky(usual)
-    for count in (2, 3, 8):
-        found = [
-            scatter(3, [[RunNumbers(root @ rng.standard_normal(6), 1e-9 * np.eye(6)) for _ in range(count)]]) for _ in range(400)
-        ]
-        assert np.mean([np.trace(f) for f in found]) == pytest.approx(np.trace(usual), rel=0.06)
-
-
 def test_scatter_is_learnt_from_runs_that_are_alike():
+    """Ten runs, drawn so many times as far from each other as usual, make that multiple of the scatter the likeliest."""
     rng = np.random.default_rng(4)
-    usual = scatter(3, [])
-    for size, wanted in ((0.1, 0.5), (3.0, 2.0)):
-        root = np.linalg.cholesky(usual)
-        group = [RunNumbers(size * root @ rng.standard_normal(6), 1e-9 * np.eye(6)) for _ in range(40)]
-        found = scatter(3, [group])
-        assert (np.trace(found) / np.trace(usual) < wanted**2) == (size < 1.0)
+    for size in (0.25, 0.5, 2.0):
+        root = np.linalg.cholesky(scatter(3, size))
+        old = [RunNumbers(root @ rng.standard_normal(6), 1e-9 * np.eye(6)) for _ in range(10)]
+        found = repeats(old, old[:1])
+        deviations = {float(np.sqrt(each.new[1][0, 0])) / COMMON[0]: each.log for each in found}
+        assert max(deviations, key=deviations.__getitem__) == pytest.approx(size, rel=0.1)
+    one = repeats(old[:1], old[1:2])
+    assert len(one) == len(SCALES) * len(OWN_SCALES)  # of one run a side nothing is known
+    assert sum(np.exp([each.log for each in one])) == pytest.approx(1.0)
     with pytest.raises(ValueError, match="no runs"):
         changes([], [])
 
@@ -182,10 +176,14 @@ def test_the_command_its_picture_and_its_refusals(tool, tmp_path):
 def test_a_pot_with_more_water_has_another_heat_capacity(shared):
     pots = shared / "cooking_pot"
     one, again, two = (tf.read(pots / f"0cm_{n}.csv") for n in ("2L_a", "2L_b", "3L_b"))
-    assert tf.changed(one, again).verdict == "nothing"
+    assert tf.changed(one, again)[0].change == "nothing"
     told = tf.changed([one, again], two)
     assert told.verdict == "heat capacity"
-    assert told[0].size_lo < 1.5 < told[0].size_hi * 1.05
+    # Three litres for two are 12.6 kJ/K for 8.4, and pot and plate, of 1 to 2 kJ/K, keep their own.
+    assert told[0].size_lo < 1.44
+    assert told[0].size_hi > 1.40
+    back = tf.changed([tf.read(pots / f"0cm_3L_{n}.csv") for n in "ab"], one)
+    assert back[0].size_lo < 1.0 / 1.44 < 1.0 / 1.40 < back[0].size_hi
 
 
 @pytest.mark.parametrize(
@@ -454,17 +452,29 @@ def test_a_room_takes_its_share_of_what_nothing_had():
     assert (found[0].size, found[0].deviation) == (4.0, 0.5)
 
 
-def test_scatter_before_any_repeat_is_the_usual_one_and_follows_the_runs():
-    """Variance 0.06^2 of a rate and 0.05^2 of a rise in common, -0.5 correlated, 0.015^2 of its own; three runs' worth of it."""
-    usual = scatter(2, [[RunNumbers(np.zeros(4), np.zeros((4, 4)))]])
+def test_scatter_before_any_repeat_is_the_usual_one():
+    """Variance 0.06^2 of a rate and 0.05^2 of a rise in common, -0.5 correlated, 0.015^2 of its own, and what a stretch of time does."""
+    usual = scatter(2)
     common, across = [0.06**2, 0.05**2], -0.5 * 0.06 * 0.05
     own = 0.015**2
     np.testing.assert_allclose(usual[0], [common[0] + own, common[0], across, across])
     np.testing.assert_allclose(usual[2], [across, across, common[1] + own, common[1]])
-    # Two runs, each one usual deviation from their mean in one direction: 2 of squares where 4 are expected, beside 12.
-    step = np.linalg.cholesky(usual)[:, 0]
-    again = scatter(2, [[RunNumbers(s * step, np.zeros((4, 4))) for s in (1.0, -1.0)]])
-    np.testing.assert_allclose(again, usual * (12.0 + 2.0) / (12.0 + 4.0))
+    np.testing.assert_allclose(scatter(2, 0.5, 2.0), 0.25 * (usual - own * np.eye(4)) + own * np.eye(4))
+    by = np.array([0.3, -0.1, 0.0, 1.0])
+    np.testing.assert_allclose(scatter(2, 2.0, 1.0, by), 4.0 * usual + (0.12**2) * np.outer(by, by))
+
+
+def test_how_runs_lie_about_their_mean_is_the_restricted_likelihood():
+    """Of two runs that of their difference, but for a constant: two scatters by scipy's normal density."""
+    apart = np.array([0.05, -0.02, 0.01, 0.03])
+    runs = [RunNumbers(sign * 0.5 * apart, 1e-4 * np.eye(4)) for sign in (1.0, -1.0)]
+    of = [multivariate_normal.logpdf(apart, np.zeros(4), 2.0 * (scatter(2, scale) + 1e-4 * np.eye(4))) for scale in (0.5, 1.0)]
+    for other in (runs[:1], runs):
+        found = [_mean(other, scatter(2, scale) + 0.0)[1] for scale in (0.5, 1.0)]
+        assert found[0] - found[1] == pytest.approx(of[0] - of[1] if len(other) > 1 else 0.0)
+    (mean, covariance), _ = _mean([*runs[:1], replace(runs[1], runs=3)], scatter(2))
+    assert mean == pytest.approx(-0.25 * apart)
+    np.testing.assert_allclose(covariance, (scatter(2) + 1e-4 * np.eye(4)) / 4.0)
 
 
 def test_a_copy_of_a_run_is_no_further_run():

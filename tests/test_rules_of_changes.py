@@ -1,5 +1,6 @@
 """What a change between runs is made of: sizes, kinds, rooms, probes and warm starts, by normal laws."""
 
+import itertools
 import math
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ from thermofast.analysis import changed as analysis
 from thermofast.analysis.changed import _bent, _of_a_size
 from thermofast.analysis.sides import hardly_bent
 from thermofast.models.joint import LEVEL, RATE, START, fit_model
+from thermofast.models.search import judge
 from thermofast.models.uncertainty import changes as changed
 from thermofast.models.uncertainty.changes import begun, kinds, numbers, repeats
 from thermofast.observing.observe import observe
@@ -63,17 +65,6 @@ def test_a_size_is_the_posterior_mean_of_a_normal_prior():
     assert most == (1, pytest.approx(0.0), pytest.approx(1.0 / math.sqrt(125.0)))
 
 
-def test_scatter_is_the_usual_one_scaled_by_what_like_runs_show():
-    """Two runs beside each other add one run's degrees of freedom to the three that are assumed."""
-    usual_ = repeats.scatter(1, [])
-    assert usual_ == pytest.approx(np.array([[0.06**2 + 0.015**2, -0.5 * 0.06 * 0.05], [-0.5 * 0.06 * 0.05, 0.05**2 + 0.015**2]]))
-    off = np.array([0.05, -0.02])
-    runs = [changed.RunNumbers(s * off, np.zeros((2, 2))) for s in (1.0, -1.0)]
-    square = 2.0 * off @ np.linalg.solve(usual_, off)
-    assert repeats.scatter(1, [runs]) == pytest.approx(usual_ * (6.0 + square) / (6.0 + 2.0))
-    assert repeats.scatter(1, [runs[:1]]) == pytest.approx(usual_)
-
-
 def test_kinds_of_change_move_what_physics_has_them_move():
     """Heat the rises, heat capacity the rates down, loss rates up and rises down, a sensor its own two; of one none of these."""
     told = kinds._hypotheses(2)
@@ -94,22 +85,24 @@ def test_kinds_of_change_move_what_physics_has_them_move():
 
 
 def test_kinds_of_change_are_weighed_by_their_marginal_likelihoods():
-    """Of one sensor whose rise is 0.3 larger in the logarithm, by scipy's normal densities; a heat that changed is likeliest."""
+    """Of one sensor whose rise is 0.3 larger in the logarithm, by scipy's normal densities under each scatter."""
     old = [changed.RunNumbers(np.zeros(2), 1e-4 * np.eye(2))]
     new = [changed.RunNumbers(np.array([0.0, 0.3]), 1e-4 * np.eye(2))]
     found = changed.changes(old, new)
-    noise = 2.0 * (repeats.scatter(1, []) + 1e-4 * np.eye(2))
-    difference, weights = np.array([0.0, 0.3]), []
-    for kind, _, direction, size, prior in kinds._hypotheses(1):
-        own = kinds._size(kind, direction, size, difference, noise)
-        unlike = (0.1 * own[1]) ** 2 * np.eye(2) if own else 0.0
-        covariance = noise + size**2 * direction @ direction.T + unlike
-        weights.append(prior * stats.multivariate_normal.pdf(difference, np.zeros(2), covariance))
+    difference, weights, mixed = np.array([0.0, 0.3]), np.zeros(4), np.zeros((2, 2))
+    for (scale, prior_of), (own_scale, of_own) in itertools.product(repeats.SCALES, repeats.OWN_SCALES):
+        noise = 2.0 * (repeats.scatter(1, scale, own_scale) + 1e-4 * np.eye(2))
+        for k, (kind, _, direction, size, prior) in enumerate(kinds._hypotheses(1)):
+            own = kinds._size(kind, direction, size, difference, noise)
+            unlike = (0.1 * own[1]) ** 2 * np.eye(2) if own else 0.0
+            covariance = noise + size**2 * direction @ direction.T + unlike
+            weight = prior_of * of_own * prior * stats.multivariate_normal.pdf(difference, np.zeros(2), covariance)
+            weights[k], mixed = weights[k] + weight, mixed + weight * noise
     told = {c.kind: c.probability for c in found.changes}
-    assert [told[k] for k in ("nothing", "heat", "heat capacity", "loss")] == pytest.approx(np.array(weights) / np.sum(weights))
+    assert [told[k] for k in ("nothing", "heat", "heat capacity", "loss")] == pytest.approx(weights / np.sum(weights))
     assert found.changes[0].kind in ("heat", "nothing")
     assert found.difference == pytest.approx(difference)
-    assert found.noise == pytest.approx(noise)
+    assert found.noise == pytest.approx(mixed / np.sum(weights))
     with pytest.raises(ValueError, match="no runs"):
         changed.changes(old, [])
 
@@ -206,7 +199,7 @@ def test_a_change_that_its_points_do_not_show_is_none_of_the_kinds():
     old = changed.RunNumbers(np.zeros(12), 1e-6 * np.eye(12))
     new = changed.RunNumbers(np.concatenate([np.zeros(6), [0.3, 0.3, 0.3, 0.3, -0.2, -0.2]]), 1e-6 * np.eye(12))
     told = {c.kind: c.probability for c in changed.changes([old], [new]).changes}
-    assert told["heat"] == 0.0
+    assert told["heat"] < 0.02  # where sensors scatter six times as much as usual four of six may
     assert max(told, key=told.get) == "contact"
 
 
@@ -414,7 +407,7 @@ def test_two_sensors_that_have_each_others_numbers_were_exchanged():
     found = changed.changes([numbers_of(rates, rises)], [numbers_of(rates[crossed], rises[crossed])]).changes
     assert (found[0].kind, found[0].sensor, found[0].other) == ("exchanged", 7, 31)
     assert found[0].probability > 0.99
-    assert sum(c.kind == "exchanged" for c in found) == changed.PAIRS
+    assert sum(c.kind == "exchanged" for c in found) == kinds.PAIRS
     assert sum(c.probability for c in found) == pytest.approx(1.0)
     alike = changed.changes([numbers_of([0.02, 0.0201], [5.0, 5.02])], [numbers_of([0.0201, 0.02], [5.02, 5.0])]).changes
     assert alike[0].kind == "nothing"
@@ -427,7 +420,8 @@ def test_an_exchange_is_weighed_as_no_change_is_with_the_numbers_crossed():
     rng = np.random.default_rng(5)
     covariance = np.array([m @ m.T for m in rng.normal(0.0, 0.05, (2, 6, 6))])
     old, new = rng.normal(0.0, 0.3, (2, 6))
-    found = dict(kinds._exchanges((old, covariance[0]), (new, covariance[1])))
+    means = (old, covariance[0]), (new, covariance[1])
+    found = dict(kinds._exchanges(*means, kinds._pairs(*means)))
     order = [2, 1, 0, 5, 4, 3]
     noise = covariance[0] + covariance[1][np.ix_(order, order)]
     density = stats.multivariate_normal(np.zeros(6), noise).logpdf(new[order] - old) + 3.0 * math.log(2.0 * math.pi)
@@ -454,3 +448,83 @@ def test_exchanged_sensors_are_named_together_and_neither_probe_is_accused():
     repeated = tf.changed([run("old 1")], run("new 1"))
     assert repeated.verdict == "nothing"
     assert "a contact by what it moves a sensor's rise" in repeated[0].message
+
+
+def of_two_parts(tau, minutes=300.0, bend=0.0, late=0.0, seed=0, noise=0.0):
+    """A fit of the law of one rise to two sensors of which the first has a quick part, of so much of its 10 K."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, minutes, 1.0)
+    rows = [
+        10.0 * (1.0 - (1.0 - b) * np.exp(-(time + late) / tau) - b * np.exp(-(time + late) / (tau / 10.0))) for b in (bend, 0.0)
+    ]
+    seen = 20.0 + np.array(rows) + noise * rng.standard_normal((2, len(time)))
+    return fit_model(observe(tf.read({"time_min": time, "a": seen[0], "b": seen[1]}, name=f"{tau} {late} {seed}")).seen)
+
+
+def values_of(fit):
+    return changed.RunNumbers.of(fit, 1.0).values
+
+
+def test_numbers_move_by_the_length_of_a_run_where_the_law_is_not_all():
+    """A capacity that is 1.1 times as large is a run that is by 1.1 shorter, slowed: to a third of what the law gets wrong of it."""
+    fit, slower = of_two_parts(60.0, bend=0.2), of_two_parts(66.0, bend=0.2)
+    by = numbers.by_length(fit)
+    assert by[[1, 3]] == pytest.approx([0.0, 0.0], abs=1e-5)
+    told = values_of(slower) - values_of(fit)
+    wrong = told - np.array([-1.0, -1.0, 0.0, 0.0]) * math.log(1.1)
+    assert abs(wrong[0]) > 0.005
+    assert wrong == pytest.approx(-by * math.log(1.1), abs=0.3 * abs(wrong[0]))
+    steep = numbers.by_length(of_two_parts(900.0, minutes=40.0, bend=0.6, noise=0.05))
+    assert np.abs(steep).max() <= numbers.MOST_BY_LENGTH
+
+
+def test_a_run_that_is_logged_late_is_known_by_where_it_begins():
+    """12 min of 60: as warm as the old run was then, and its numbers are those of the old run's rest."""
+    old, late = of_two_parts(60.0, bend=0.3), of_two_parts(60.0, bend=0.3, late=12.0)
+    warmer = late.run.reading[:, 0] - old.run.reading[:, 0]
+    found = numbers.logged_late([old], warmer, 0.7)
+    assert found.minutes == pytest.approx(12.0, abs=0.1)
+    assert found.warmer == pytest.approx(warmer, abs=0.01)
+    assert found.moved == pytest.approx(values_of(late) - values_of(old), abs=0.03)
+    assert numbers.logged_late([old], np.array([0.2, 0.2]), 0.7) is None  # another room
+    assert numbers.logged_late([old], warmer + np.array([0.0, 3.0]), 0.7) is None  # a probe that is off
+
+
+def test_what_the_law_leaves_in_every_run_makes_no_difference_uncertain():
+    """Of runs that bend alike only the noise is left, of one that bends otherwise what it has alone; of two runs nobody knows."""
+    alike = [of_two_parts(60.0, bend=0.2, noise=0.01, seed=k) for k in range(3)]
+    other = of_two_parts(60.0, bend=0.4, noise=0.01, seed=9)
+    wide = judge.widening(alike[0])
+    assert wide > 2.0
+    few = numbers.beside_others(alike)
+    assert len(few) == 3
+    assert max(each[0] for each in few) < 0.2 * wide
+    assert few[0][1] == pytest.approx(1.0, abs=0.35)  # down to the noise, of which the mean of the others has a share
+    assert numbers.beside_others([*alike, other])[3][0] > 3.0 * few[0][0]
+    assert [each.tolist() for each in numbers.beside_others(alike[:2])] == [[judge.widening(f)] * 2 for f in alike[:2]]
+
+
+def test_two_that_were_exchanged_began_in_each_others_place():
+    """Their own beginnings say nothing of the room then, and a third that began elsewhere speaks against it as against all else."""
+    new = np.array([[20.0, 23.0, 21.0], [20.0, 22.5, 21.0]])
+    old = np.array([[23.0, 20.0, 21.0], [22.5, 20.0, 21.0]])
+    begun_ = changed.Begun(new[0] - old[0], np.array([8.0, 5.0, 6.0]), seen=new[1] - old[1], new=new)
+    crossed = begun_.exchanged(0, 1)
+    assert crossed.warmer == pytest.approx([0.0, 0.0, 0.0])
+    assert crossed.seen == pytest.approx([0.0, 0.0, 0.0])
+    assert crossed.rise.tolist() == [5.0, 8.0, 6.0]
+    assert crossed.ways()[0][0] > begun_.ways()[0][0] + 50.0
+    assert changed.Begun(np.zeros(2), np.ones(2)).exchanged(0, 1).warmer.tolist() == [0.0, 0.0]
+
+
+def test_a_heat_capacity_of_all_parts_is_a_shorter_run_and_one_of_some_is_not():
+    """Numbers that moved as those of a shorter run name it, where the same numbers without are no one thing."""
+    by = np.array([0.6, -0.4, 0.0, 1.0, -0.3, 0.2, 0.0, -0.6])
+    size = math.log(1.3)
+    old = [changed.RunNumbers(np.zeros(8), 1e-6 * np.eye(8)) for _ in range(4)]
+    new = [changed.RunNumbers(np.repeat([-size, 0.0], 4) - size * by, 1e-6 * np.eye(8))]
+    told = changed.changes(old, new, by_length=by).changes[0]
+    assert (told.kind, told.size) == ("heat capacity", pytest.approx(size, abs=0.01))
+    assert told.probability > 0.9
+    assert changed.changes(old, new).changes[0].kind == "contact"
+    plain = [changed.RunNumbers(np.repeat([-size, 0.0], 4), 1e-6 * np.eye(8))]
+    assert changed.changes(old, plain, by_length=by).changes[0].kind == "heat capacity"

@@ -46,6 +46,8 @@ LOGGED, AS_ASKED = 0.05, 0.1
 #: Share of their rise on which new runs are well up where they begin, beyond the old ones, and how uneven that is in a machine:
 #: another room moves all points alike.
 LATE, UNEVEN = 0.1, 0.1
+#: Probability, of runs that are as the old ones, from which they were logged late.
+LOGGED_LATE = 0.5
 #: Misfit of the law beyond the noise, over the rise, from which a run is bent, and by how many times that of the other side's runs.
 BENT, MORE_BENT = 0.04, 4.0
 #: A sensor that ends where it did, to within so much of what it began warmer, is no probe that tells more throughout.
@@ -93,12 +95,15 @@ def compare_runs(
     if sides.knows_rooms:
         found = _with_room(sides.fits, sides.starts, sides.old, found, seen_as.same_start)
     swapped = found[0].kind == "exchanged" and found[0].probability >= SURE
-    if sides.first is not None and not swapped:  # each of the two began elsewhere, and neither probe is off
+    late = seen_as.late > LOGGED_LATE
+    # Each of two that were exchanged began elsewhere, and neither probe is off; of runs that were logged late all had risen.
+    if sides.first is not None and not swapped and not late:
         begin = sides.starts if model is None else sides.first
         of_rises = deviation[len(sides.channels) :]
-        found = with_offset(found, begin, sides.levels - sides.starts, sides.old, of_rises, sides.stand_for)
+        found = with_offset(found, begin, sides.levels - sides.starts, sides.old, of_rises, sides.stand_for, sides.misfit_at_start)
     judged = _judged(sides, found, swapped, float(np.median(deviation[: len(sides.channels)])))
-    notes = [*judged.notes, *_beyond_kinds(sides, found, judged.verdict, difference)]
+    begun = _late_words(sides.warmer) if late and judged.verdict.startswith("nothing") else []
+    notes = [*judged.notes, *begun, *_beyond_kinds(sides, found, judged.verdict, difference)]
     likely = [c for c in found if c.probability > 0.001 or c.kind == "nothing"]
     notes[:0] = _or_else(likely, sides.channels, judged.status)
     names, told = ", ".join(run.name for run, _ in new), (judged.verdict, judged.status)
@@ -325,7 +330,12 @@ def _late(warmer: Array, rise: Array) -> list[str]:
     share = np.sort(up / np.maximum(up + np.abs(rise), 1e-9))[-2:]
     if len(share) < 2 or share[0] < LATE or float(np.std(warmer)) < UNEVEN * float(np.mean(up)):
         return []
-    most = rounded(float(up.max()))
+    return _late_words(up)
+
+
+def _late_words(up: Array) -> list[str]:
+    """What to say of runs that begin up (S,) [K] on their rise."""
+    most = rounded(float(np.abs(up).max()))
     return [f"the new runs begin up to {most} K up on their rise: as if logged late, or begun warm; compare runs that begin alike"]
 
 

@@ -11,7 +11,17 @@ from thermofast.models import Observations
 from thermofast.models.joint import LEVEL, START, Fit, Key, fit_model
 from thermofast.models.search.judge import widening
 from thermofast.models.search.logged import follows_machine
-from thermofast.models.uncertainty.changes import LOGGED_DRIFT, WARM, Begun, RunNumbers, beside_others, by_length, without_room
+from thermofast.models.uncertainty.changes import (
+    LOGGED_DRIFT,
+    ROOM_BETWEEN,
+    WARM,
+    Begun,
+    RunNumbers,
+    beside_others,
+    by_length,
+    logged_late,
+    without_room,
+)
 
 from ..errors import UsageError
 from ..machine.learnt import as_learnt, first_readings
@@ -132,7 +142,23 @@ class Sides:
     @property
     def begun(self) -> Begun:
         """How the new runs began, beside the old ones."""
-        return Begun(self.warmer, self.rise, *((1.0 - WARM, ROOM_ERROR) if self.logged else ()))
+        warm, room = (1.0 - WARM, ROOM_ERROR) if self.logged else (WARM, ROOM_BETWEEN)
+        if self.model is not None or self.first is None:
+            return Begun(self.warmer, self.rise, warm, room)
+        seen = self.first - np.array([[f.run.sink_c or 0.0] for f in self.fits])
+        warmer = seen[self.old :].mean(axis=0) - seen[: self.old].mean(axis=0)
+        new = np.array([self.starts[self.old :].mean(axis=0), seen[self.old :].mean(axis=0)])
+        late = logged_late(self.fits[: self.old], warmer, room)
+        return Begun(self.warmer, self.rise, warm, room, warmer, late, new)
+
+    @property
+    def misfit_at_start(self) -> Array | float:
+        """By how much more (S,) [K] the fitted beginnings miss the first readings in the new runs than in the old ones."""
+        if self.model is not None or self.first is None:
+            return 0.0
+        missed = self.starts + np.array([[f.run.sink_c or 0.0] for f in self.fits]) - self.first
+        more: Array = missed[self.old :].mean(axis=0) - missed[: self.old].mean(axis=0)
+        return more
 
     def numbers(self) -> tuple[list[RunNumbers], list[RunNumbers]]:
         """Logarithms of rates and rises of the old runs, and of the new ones.

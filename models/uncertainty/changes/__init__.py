@@ -9,14 +9,15 @@ through no change; how likely each is follows from the marginal likelihood of th
 the fits counted, sizes unknown.
 """
 
-from .begun import WARM, Begun, begun_beside, other_room, with_offset, with_room
+from .begun import ROOM_BETWEEN, WARM, Begun, begun_beside, other_room, with_offset, with_room
 from .change import Change
 from .kinds import WHOLE, Compared, changes
-from .numbers import LOCAL, LOGGED_DRIFT, RunNumbers, beside_others, by_length, without_room
+from .numbers import LOCAL, LOGGED_DRIFT, RunNumbers, beside_others, by_length, logged_late, without_room
 
 __all__ = [
     "LOCAL",
     "LOGGED_DRIFT",
+    "ROOM_BETWEEN",
     "WARM",
     "WHOLE",
     "Begun",
@@ -27,6 +28,7 @@ __all__ = [
     "beside_others",
     "by_length",
     "changes",
+    "logged_late",
     "other_room",
     "with_offset",
     "with_room",

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from .change import PRIORS, Change
+from .numbers import Late
 from .repeats import OWN
 
 Array = NDArray[np.float64]
@@ -20,36 +21,67 @@ ROOM_BETWEEN = 0.7
 WARM = 0.2
 #: Prior probability that a run of which one sensor began elsewhere is one that was logged late.
 LATE = 0.2
+#: Prior probability that runs which begin warmer were logged late, and the share of what that does which is not known.
+LOGGED_LATE, UNSURE_LATE = 0.1, 0.3
 #: Prior deviation [K] of what a probe that is off tells beside the truth.
 PROBE = 2.0
 #: Deviation [K] of where sensors begin beside each other from run to run; of a machine that is warm, as share of how warm it is.
 BESIDE, UNEVEN = 0.3, 0.5
 
 
+Way = tuple[float, Array, Array]
+
+
 @dataclass(frozen=True)
 class Begun:
-    """By how much the new runs began warmer (S,) [K] than the old ones, and how much they rise (S,) [K].
+    """By how much the new runs began warmer (S,) [K] than the old ones by the fits, and how much they rise (S,) [K].
 
-    warm: how likely that is the machine's; room: deviation [K] between rooms.
+    warm: how likely that is the machine's; room: deviation [K] between rooms. seen (S,) [K]: `warmer` by the first readings, which
+    no law bends; late: what the old runs would be, were they logged late; new (2, S) [degC]: where the new runs began, by the fits
+    and by the first readings.
     """
 
     warmer: Array
     rise: Array
     warm: float = WARM
     room: float = ROOM_BETWEEN
+    seen: Array | None = None
+    late: Late | None = None
+    new: Array | None = None
 
-    def ways(self) -> list[tuple[float, Array, Array]]:
-        """Of another room, which moves no rise, and of a warm machine: log-likelihood, shift (2 S,) of a difference, deviation."""
-        n, mean = len(self.warmer), float(self.warmer.mean())
-        apart = float(((self.warmer - mean) ** 2).sum())
-        logs = []
-        for share, deviation in ((1.0 - self.warm, BESIDE), (self.warm, float(np.hypot(BESIDE, UNEVEN * mean)))):
-            logs.append(float(np.log(share)) - (n - 1) * float(np.log(deviation)) - 0.5 * apart / deviation**2)
+    def ways(self) -> list[Way]:
+        """Of another room, which moves no rise, of a warm machine, and of a logger that began late: log-likelihood, shift (2 S,) of
+        a difference, deviation.
+        """
+        n = len(self.warmer)
+        seen = self.warmer if self.seen is None else self.seen
+        uneven = float(np.hypot(BESIDE, UNEVEN * seen.mean()))
+        logs = [_log(share, seen, deviation) for share, deviation in ((1.0 - self.warm, BESIDE), (self.warm, uneven))]
         # Had it begun as cold as before, it would have risen by so much more.
         more = np.log(np.maximum(1.0 + self.warmer / self.rise, 0.05))
         still = np.zeros(n)
         by_kelvin = np.concatenate([still, np.exp(-more) / self.rise])
-        return [(logs[0], np.zeros(2 * n), BESIDE * by_kelvin), (logs[1], np.concatenate([still, -more]), self.room * by_kelvin)]
+        found = [(logs[0], np.zeros(2 * n), BESIDE * by_kelvin), (logs[1], np.concatenate([still, -more]), self.room * by_kelvin)]
+        if self.late is not None:
+            moved = self.late.moved
+            found.append((_log(LOGGED_LATE, seen - self.late.warmer, BESIDE), moved, UNSURE_LATE * moved))
+        return found
+
+    def exchanged(self, i: int, j: int) -> "Begun":
+        """The same, with two sensors of the new runs in each other's place."""
+        if self.new is None:
+            return self
+        order = np.arange(len(self.rise))
+        order[[i, j]] = j, i
+        moved = self.new[:, order] - self.new
+        seen = None if self.seen is None else self.seen + moved[1]
+        return replace(self, warmer=self.warmer + moved[0], rise=self.rise[order], seen=seen, late=None)
+
+
+def _log(share: float, warmer: Array, deviation: float) -> float:
+    """Log-likelihood of how much warmer (S,) [K] sensors began beside each other, by a deviation [K], with a prior probability."""
+    apart = float(((warmer - warmer.mean()) ** 2).sum())
+    return float(np.log(share)) - (len(warmer) - 1) * float(np.log(deviation)) - 0.5 * apart / deviation**2
 
 
 def with_room(found: Sequence[Change], probability: float, difference: float, deviation: float) -> list[Change]:
@@ -62,11 +94,14 @@ def with_room(found: Sequence[Change], probability: float, difference: float, de
     return sorted([*parted, *(c for c in found if c is not as_it_was)], key=lambda c: -c.probability)
 
 
-def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, errors: Array, stands_for: int = 1) -> list[Change]:
+def with_offset(
+    found: Sequence[Change], starts: Array, rises: Array, old: int, errors: Array, stands_for: int = 1, misfit: Array | float = 0.0
+) -> list[Change]:
     """Kinds of change with a probe among them that tells another temperature throughout; the likeliest first.
 
     starts, rises (K, S) [K]: of each run, the first of which are `old`, each the mean of as many as it `stands_for`; errors (S,):
-    of the new rises over the old ones, in logarithms. A probe that is off moves where its sensor begins and not how far it rises; a
+    of the new rises over the old ones, in logarithms; misfit (S,) [K]: by how much more the fits miss the first readings of the new
+    runs. A probe that is off moves where its sensor begins and not how far it rises; a
     place that is warm from before does both, and a run is as uneven as the old ones were. Of two sensors nobody knows which is off,
     after one run how uneven they are.
     """
@@ -78,6 +113,7 @@ def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, 
     own = ((begun[:old] - before) ** 2).sum(axis=0)
     # Of one sensor as of all together, as one run more whose sensors begin as they usually do.
     variance = (BESIDE**2 * count + own.sum()) / (count * old) * (1.0 / (old * stands_for) + 1.0 / (len(starts) - old))
+    variance = variance + np.broadcast_to(misfit, count) ** 2
     moved = begun[old:].mean(axis=0) - before
     rose, after = rises[:old].mean(axis=0), rises[old:].mean(axis=0)
     unsure = (np.hypot(errors, OWN[1]) * np.abs(after)) ** 2 + BESIDE**2
@@ -91,8 +127,8 @@ def with_offset(found: Sequence[Change], starts: Array, rises: Array, old: int, 
     i = int(np.argmax(odds))
     share = float(odds[i] / (1.0 + odds[i]))
     others = [replace(c, probability=c.probability * (1.0 - share)) for c in found]
-    size = float((alone[old:, i].mean() - alone[:old, i].mean()) * PROBE**2 / (PROBE**2 + variance))
-    deviation, shows = float(np.sqrt(PROBE**2 * variance / (PROBE**2 + variance))), float(np.sqrt(variance + unsure[i]))
+    size = float((alone[old:, i].mean() - alone[:old, i].mean()) * PROBE**2 / (PROBE**2 + variance[i]))
+    deviation, shows = float(np.sqrt(PROBE**2 * variance[i] / (PROBE**2 + variance[i]))), float(np.sqrt(variance[i] + unsure[i]))
     probe = Change("sensor", i, share, size, deviation, kelvin=True, shows=shows)
     return sorted([probe, *others], key=lambda c: -c.probability)
 
@@ -113,7 +149,7 @@ def begun_beside(starts: Array, old: int) -> tuple[Array, Array]:
     return beside - np.median(beside, axis=1, keepdims=True), beside - others
 
 
-def _as_warm_spot(moved: Array, fell: Array, variance: float, unsure: Array) -> Array:
+def _as_warm_spot(moved: Array, fell: Array, variance: Array, unsure: Array) -> Array:
     """Log likelihood (S,) that a sensor's place was warm from before: it began higher, and rose by so much less."""
     likely: Array = np.log(WARM) + norm.logpdf(moved, 0.0, np.sqrt(variance + PROBE**2))
     likely += norm.logpdf(fell, -moved, np.sqrt(unsure))

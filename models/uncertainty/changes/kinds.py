@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .begun import Begun, weighted_median
+from .begun import Begun, Way, weighted_median
 from .change import PRIORS, Change
 from .numbers import RunNumbers
 from .repeats import Mean, Repeats, repeats
@@ -23,6 +23,9 @@ UNLIKE = 0.1
 #: Where parts warm each other all rises go as the heat and all rates as the capacity, but a loss moves the rise of the heated part
 #: less than that of one far from it: such shares, and how likely each is.
 UNLIKE_LOSS = ((UNLIKE, 0.8), (0.2, 0.13), (0.4, 0.07))
+#: Probability that the capacities of all parts change alike. That stretches time, exactly and for a machine of any parts: the new
+#: run is then a shorter one of the machine as it was. The plate under a pot keeps its own.
+STRETCHED = 0.7
 #: Errors in common draw the size to the points that are known best, mostly the heated one: how far it is from the middle of all
 #: points is not known to so much of itself.
 FROM_MIDDLE = 0.7
@@ -38,13 +41,15 @@ SHOWN_BY = 0.4
 class Compared:
     """Kinds of change, the likeliest first; the difference (2 S,) of new runs to old with its covariance.
 
-    same_start is the probability, where nothing changed in the machine, that what began elsewhere was in another room.
+    same_start is the probability, where nothing changed in the machine, that what began elsewhere was in another room; late, that
+    it was logged late.
     """
 
     changes: list[Change]
     difference: Array
     noise: Array
     same_start: float = 1.0
+    late: float = 0.0
 
 
 class _Weighed(NamedTuple):
@@ -68,10 +73,10 @@ def changes(
     """
     if not old or not new:
         raise ValueError("no runs to compare")
-    n = len(old[0].values) // 2
-    ways = begun.ways() if begun is not None else [(0.0, np.zeros(2 * n), np.zeros(2 * n))]
     under = repeats(old, new, by_length)
-    weighed = [_weigh(each, ways, by_length) for each in under]
+    likeliest = max(under, key=lambda each: each.log)
+    pairs = _pairs(likeliest.old, likeliest.new)
+    weighed = [_weigh(each, begun, by_length, pairs) for each in under]
     top = max(one.log for some in weighed for one in some)
     shares = [np.exp(np.array([one.log for one in some]) - top) for some in weighed]
     total = sum(float(each.sum()) for each in shares)
@@ -80,28 +85,43 @@ def changes(
         for one, share in zip(some, each.tolist(), strict=True):
             kinds.setdefault((one.kind, one.sensors), []).append((share, one))
     listed = [_change(kind, sensors, some, total) for (kind, sensors), some in kinds.items()]
-    nothing = kinds["nothing", ()]
-    same_start = sum(share for share, one in nothing if one.way == 0) / max(sum(share for share, _ in nothing), 1e-300)
+    began = np.zeros(3)
+    for share, one in kinds["nothing", ()]:
+        began[one.way] += share / max(sum(s for s, _ in kinds["nothing", ()]), 1e-300)
     weights = [float(each.sum()) / total for each in shares]
     difference: Array = np.average([each.difference for each in under], axis=0, weights=weights)
     noise: Array = np.average([each.noise for each in under], axis=0, weights=weights)
-    return Compared(sorted(listed, key=lambda c: -c.probability), difference, noise, same_start)
+    return Compared(sorted(listed, key=lambda c: -c.probability), difference, noise, float(began[0]), float(began[2]))
 
 
-def _weigh(under: Repeats, ways: Sequence[tuple[float, Array, Array]], by_length: Array | None) -> list[_Weighed]:
-    """All kinds of change under one scatter, each begun in each of the `ways`."""
-    found = []
-    n = len(under.difference) // 2
-    for kind, sensor, directions, size, prior in _hypotheses(n, by_length):
+def _weigh(under: Repeats, begun: Begun | None, by_length: Array | None, pairs: Sequence[tuple[int, int]]) -> list[_Weighed]:
+    """All kinds of change under one scatter, each begun in each way; pairs are those that may have been exchanged."""
+    n, found = len(under.difference) // 2, []
+    ways = _ways(begun, n)
+    for kind, sensor, directions, size, prior in _hypotheses(n):
         for way, (likely, shift, unsure) in enumerate(ways):
-            for share, of_share in UNLIKE_LOSS if kind == "loss" and n > 1 else ((UNLIKE, 1.0),):
-                noise = under.noise + np.outer(unsure, unsure)
-                log, told = _weighed(kind, directions, size, under.difference - shift, noise, share)
-                log += float(np.log(prior * of_share)) + likely + under.log
+            noise, left = under.noise + np.outer(unsure, unsure), under.difference - shift
+            for moved, share, of_these in _answers(kind, directions, by_length):
+                log, told = _weighed(kind, moved, size, left, noise, share)
+                log += float(np.log(prior * of_these)) + likely + under.log
                 found.append(_Weighed(kind, () if sensor is None else (sensor,), way, log, told))
-    for pair, log in _exchanges(under.old, under.new):
-        found += [_Weighed("exchanged", pair, way, log + likely + under.log, None) for way, (likely, _, _) in enumerate(ways)]
+    for pair, log in _exchanges(under.old, under.new, pairs, begun):
+        found.append(_Weighed("exchanged", pair, 0, log + under.log, None))
     return found
+
+
+def _answers(kind: str, directions: Array, by_length: Array | None) -> list[tuple[Array, float, float]]:
+    """How the points of a machine may answer to a change: directions, share of its size by which they are unlike, probability."""
+    if kind == "loss" and len(directions) > 2:
+        return [(directions, share, probability) for share, probability in UNLIKE_LOSS]
+    if kind == "heat capacity" and by_length is not None:
+        stretched = directions - by_length[:, None]
+        return [(stretched, UNLIKE, STRETCHED), (directions, UNLIKE, 1.0 - STRETCHED)]
+    return [(directions, UNLIKE, 1.0)]
+
+
+def _ways(begun: Begun | None, n: int) -> list[Way]:
+    return begun.ways() if begun is not None else [(0.0, np.zeros(2 * n), np.zeros(2 * n))]
 
 
 def _change(kind: str, sensors: tuple[int, ...], some: Sequence[tuple[float, _Weighed]], total: float) -> Change:
@@ -113,28 +133,35 @@ def _change(kind: str, sensors: tuple[int, ...], some: Sequence[tuple[float, _We
     return Change(kind, one if at is None else at, own / total, value, deviation, other=other)
 
 
-def _exchanges(old: Mean, new: Mean) -> list[tuple[tuple[int, int], float]]:
-    """Log-likelihoods, with their priors, of pairs of sensors that have each other's numbers in the new runs; means (2 S,) of both
-    sides with their covariances.
-    """
+def _pairs(old: Mean, new: Mean) -> list[tuple[int, int]]:
+    """Pairs of sensors after whose exchange the means (2 S,) of both sides are most alike, each sensor by itself."""
     n = len(old[0]) // 2
-    if n < 2:
-        return []
     first, second = np.triu_indices(n, 1)
     variance = np.diag(old[1]) + np.diag(new[1])
-    # By how much an exchange makes the numbers of both alike, each by itself.
     left = (new[0] - old[0]) ** 2 / variance
     crossed = (new[0].reshape(2, 1, n) - old[0].reshape(2, n, 1)) ** 2 / variance.reshape(2, n, 1)
     gain = sum(left[k * n + first] + left[k * n + second] - crossed[k][first, second] - crossed[k][second, first] for k in (0, 1))
-    found = []
-    for at in np.argsort(-np.asarray(gain))[:PAIRS].tolist():
-        i, j = int(first[at]), int(second[at])
+    best = np.argsort(-np.asarray(gain))[:PAIRS]
+    return list(zip(first[best].tolist(), second[best].tolist(), strict=True)) if n > 1 else []
+
+
+def _exchanges(
+    old: Mean, new: Mean, pairs: Sequence[tuple[int, int]], begun: Begun | None = None
+) -> list[tuple[tuple[int, int], float]]:
+    """Log-likelihoods, with their priors and those of how they begin then, of pairs of sensors that have each other's numbers in
+    the new runs; means (2 S,) of both sides with their covariances.
+    """
+    n, found = len(old[0]) // 2, []
+    for i, j in pairs:
         order = np.arange(2 * n)
         order[[i, j, n + i, n + j]] = j, i, n + j, n + i
         noise = old[1] + new[1][np.ix_(order, order)]
-        difference = new[0][order] - old[0]
-        log = -0.5 * float(np.linalg.slogdet(noise)[1] + difference @ np.linalg.solve(noise, difference))
-        found.append(((i, j), log + float(np.log(PRIORS["exchanged"] / len(first)))))
+        log = -np.inf
+        for likely, shift, unsure in _ways(begun.exchanged(i, j) if begun is not None else None, n):
+            difference, all_noise = new[0][order] - old[0] - shift, noise + np.outer(unsure, unsure)
+            own = -0.5 * float(np.linalg.slogdet(all_noise)[1] + difference @ np.linalg.solve(all_noise, difference))
+            log = float(np.logaddexp(log, own + likely))
+        found.append(((i, j), log + float(np.log(PRIORS["exchanged"] / (n * (n - 1) / 2)))))
     return found
 
 
@@ -196,17 +223,13 @@ def _mixed(shares: Array, sizes: Sequence[Size | None]) -> tuple[int | None, flo
     return likeliest[0], float(mean), float(np.sqrt(variance))
 
 
-def _hypotheses(n: int, by_length: Array | None = None) -> list[tuple[str, int | None, Array, float, float]]:
-    """(kind, sensor, directions (2 n, p), prior deviation, prior probability).
-
-    A heat capacity stretches time, exactly and for a machine of any parts: the new run is a shorter one of the machine as it was.
-    """
+def _hypotheses(n: int) -> list[tuple[str, int | None, Array, float, float]]:
+    """(kind, sensor, directions (2 n, p), prior deviation, prior probability)."""
     ones, none = np.ones(n), np.zeros(n)
-    slower = np.concatenate([-ones, none]) - (0.0 if by_length is None else by_length)
     found: list[tuple[str, int | None, Array, float, float]] = [
         ("nothing", None, np.zeros((2 * n, 1)), 0.0, PRIORS["nothing"]),
         ("heat", None, np.concatenate([none, ones])[:, None], SIZE, PRIORS["heat"]),
-        ("heat capacity", None, slower[:, None], SIZE, PRIORS["heat capacity"]),
+        ("heat capacity", None, np.concatenate([-ones, none])[:, None], SIZE, PRIORS["heat capacity"]),
         ("loss", None, np.concatenate([ones, -ones])[:, None], SIZE, PRIORS["loss"]),
     ]
     if n > 1:

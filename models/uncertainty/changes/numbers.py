@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from ...core.kernel import followed
 from ...joint import LEVEL, RATE, START, Fit, fit_model
@@ -25,6 +26,10 @@ LOCAL = 0.1
 FOLLOWED = 2
 #: Share of a run that is fitted again to see by how much its numbers hang on its length, and by how much they do at most.
 SHORTER, MOST_BY_LENGTH = 0.8, 3.0
+#: Share of a run by which others may be logged late, in so many steps, and deviation [K] of where each then begins.
+LATEST, LATE_STEPS, BEGUN = 0.15, 61, 0.3
+#: Deviations of it by which none begins elsewhere than that explains.
+FARTHEST = 3.0
 
 
 @dataclass(frozen=True)
@@ -117,15 +122,19 @@ def beside_others(fits: Sequence[Fit]) -> list[Array]:
     """How many times as large as under white noise the errors (S,) of each run are, beside the others.
 
     What the law of one rise leaves of a machine comes again in each of its runs and moves their numbers alike; only what a run's
-    residuals have that those of the others have not makes a difference uncertain.
+    residuals have that those of the others have not makes a difference uncertain. Of one run against another nobody knows whether
+    it does come again.
     """
+    if len(fits) < 3:
+        return [np.full(fit.run.sensors, widening(fit)) for fit in fits]
     found = []
     for k, fit in enumerate(fits):
         run, times = fit.run, fit.run.time - fit.run.time[0]
         others = [_residuals_at(times, other) for j, other in enumerate(fits) if j != k]
         # The mean of the others has errors of its own, which are not this run's.
         own = (fit.residual - np.mean(others, axis=0)) * np.sqrt((len(fits) - 1.0) / len(fits)) * np.sqrt(run.weight) * run.used
-        coloured = np.median(variance_inflations(own, run.used))
+        each = variance_inflations(own, run.used)
+        coloured = np.maximum(each, np.median(each))
         share = (own**2).sum(axis=1) / np.maximum((run.weight * fit.residual**2).sum(axis=1), 1e-300)
         found.append(np.sqrt(np.minimum(share * coloured, widening(fit) ** 2)))
     return found
@@ -144,10 +153,59 @@ def by_length(fit: Fit) -> Array:
     stretched by a heat capacity: it is a shorter run of the machine as it was.
     """
     run = fit.run
-    shorter = fit_model(run.until(float(run.time[0]) + SHORTER * run.span))
-    both = [[np.asarray(f.values[key], dtype=float) for key in (RATE, LEVEL, START)] for f in (fit, shorter)]
-    rate, rise = np.array([r for r, _, _ in both]), np.array([level - start for _, level, start in both])
-    with np.errstate(all="ignore"):  # of one that does not rise within the shorter run nothing is known
-        moved = np.nan_to_num(np.concatenate([np.log(rate[0] / rate[1]), np.log(rise[0] / rise[1])]), posinf=0.0, neginf=0.0)
-    found: Array = np.clip(moved / -np.log(SHORTER), -MOST_BY_LENGTH, MOST_BY_LENGTH)
+    moved = _moved(fit, fit_model(run.until(float(run.time[0]) + SHORTER * run.span)))
+    found: Array = np.clip(moved / np.log(SHORTER), -MOST_BY_LENGTH, MOST_BY_LENGTH)
     return found
+
+
+@dataclass(frozen=True)
+class Late:
+    """What runs would be, were they logged so many minutes late: by how much warmer they begin (S,) [K], and what their logarithms
+    of rates and rises (2 S,) are beside those of the whole.
+    """
+
+    minutes: float
+    warmer: Array
+    moved: Array
+
+
+def logged_late(fits: Sequence[Fit], warmer: Array, room: float) -> Late | None:
+    """What runs would be, were they logged as late as explains best how much warmer (S,) [K] others begin, in a room that may be
+    another one by a deviation [K]; None where that is not late at all, or does not explain where each of them begins.
+    """
+    run = fits[0].run
+    minutes = run.span * np.linspace(0.0, LATEST, LATE_STEPS)
+    rows = [[_smooth_at(fit, minutes, i) for i in range(run.sensors)] for fit in fits]
+    risen = np.mean(rows, axis=0)
+    risen = risen - risen[:, :1]
+    left = warmer[:, None] - risen
+    # A room that is another one by r moves all alike: the least of (left - r)^2 / BEGUN^2 + r^2 / room^2.
+    n = run.sensors
+    r = left.sum(axis=0) / (n + (BEGUN / room) ** 2)
+    cost = ((left - r) ** 2).sum(axis=0) / BEGUN**2 + (r / room) ** 2
+    at = int(np.argmin(cost))
+    if at == 0 or float(np.abs(left - r)[:, at].max()) > FARTHEST * BEGUN:
+        return None
+    moved = []
+    for fit in fits:
+        cut = fit_model(fit.run.without(fit.run.time < fit.run.time[0] + minutes[at]))
+        risen_before = np.asarray(cut.values[RATE], dtype=float) * minutes[at]  # its start is that of the whole run
+        moved.append(_moved(fit, cut) - np.concatenate([np.zeros(n), risen_before]))
+    return Late(float(minutes[at]), risen[:, at], np.mean(moved, axis=0))
+
+
+def _smooth_at(fit: Fit, minutes: Array, sensor: int) -> Array:
+    """Readings of a sensor [degC] so many minutes (M,) after its first, each the median of a few."""
+    used = fit.run.used[sensor]
+    time, row = fit.run.time[used] - fit.run.time[0], fit.run.reading[sensor][used]
+    found: Array = np.interp(minutes, time, median_filter(row, size=5, mode="nearest"))
+    return found
+
+
+def _moved(fit: Fit, other: Fit) -> Array:
+    """Logarithms of rates and rises (2 S,) of another fit over those of the first; 0 of one that does not rise in both."""
+    both = [[np.asarray(f.values[key], dtype=float) for key in (RATE, LEVEL, START)] for f in (fit, other)]
+    rate, rise = np.array([r for r, _, _ in both]), np.array([level - start for _, level, start in both])
+    with np.errstate(all="ignore"):
+        ratio = np.concatenate([rate[1] / rate[0], rise[1] / rise[0]])
+        return np.asarray(np.where(ratio > 0.0, np.nan_to_num(np.log(ratio), posinf=0.0, neginf=0.0), 0.0))
