@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from .errors import InputError, UsageError
 from .experiments.simulated import Simulated
 from .given import Source, Start, checked, in_range, keeps_details, model_of, setting_texts, started_of, work_of
 from .reading import Run, read_runs
-from .reading_options import names, options_from
+from .reading_options import ReadingOptions, names, options_from
 from .results import (
     Calibration,
     Changes,
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @checked
-def read(source: Source, *, name: str | None = None, **reading: Any) -> Run:
+def read(source: Source, *, name: str | None = None, **reading: Unpack[ReadingOptions]) -> Run:
     """One run from a file or from memory; `reading` are the options of ``thermofast help reading``, with underlines.
 
     Raises
@@ -54,7 +54,7 @@ def read(source: Source, *, name: str | None = None, **reading: Any) -> Run:
 
 
 @checked
-def read_all(source: Source, *, name: str | None = None, **reading: Any) -> list[Run]:
+def read_all(source: Source, *, name: str | None = None, **reading: Unpack[ReadingOptions]) -> list[Run]:
     """The runs of a file or table, mostly one.
 
     Raises
@@ -89,7 +89,7 @@ def identify(
     jobs: int | None = 1,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
-    **reading: Any,
+    **reading: Unpack[ReadingOptions],
 ) -> Identification:
     """Steady state and settling time of each sensor from the first `until` minutes (all of the record by default).
 
@@ -123,7 +123,7 @@ def calibrate(
     *,
     start: Start = "auto",
     progress: Callable[[int], None] | None = None,
-    **reading: Any,
+    **reading: Unpack[ReadingOptions],
 ) -> Calibration:
     """How imperfect a lab's machines are, learnt from complete runs; its ``prior`` goes into ``identify(imperfection=...)``.
 
@@ -139,7 +139,12 @@ def calibrate(
 
 @checked
 def changed(
-    old: Source = None, new: Source = None, *, model: "Model | str | Path | None" = None, start: Start = "auto", **reading: Any
+    old: Source = None,
+    new: Source = None,
+    *,
+    model: "Model | str | Path | None" = None,
+    start: Start = "auto",
+    **reading: Unpack[ReadingOptions],
 ) -> Changes:
     """What is different since `old` runs, or since `model` was learnt: heat, capacity, loss, sensors, contacts, or nothing.
 
@@ -211,7 +216,7 @@ def watch(
     filter: str = "afukf",  # noqa: A002 - the name of the option
     preset: Literal["paper"] | None = None,
     settings: Mapping[str, Any] | None = None,
-    **reading: Any,
+    **reading: Unpack[ReadingOptions],
 ) -> Watching:
     """Follow a file while it is written until the test can be stopped (`leave`), or none comes for `give_up` [min]; its last look.
 
@@ -261,7 +266,7 @@ def sweep(
     jobs: int | None = 1,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
-    **reading: Any,
+    **reading: Unpack[ReadingOptions],
 ) -> Sweeping:
     """The shortest identification time that serves, over sampling windows and identification times [min].
 
@@ -301,7 +306,7 @@ def compare(
     jobs: int | None = 1,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
-    **reading: Any,
+    **reading: Unpack[ReadingOptions],
 ) -> Comparison:
     """Model beside measurement: the base model, with effects, or one that was learnt.
 
@@ -347,7 +352,7 @@ def diagnose(
     jobs: int | None = 1,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
-    **reading: Any,
+    **reading: Unpack[ReadingOptions],
 ) -> Diagnosis:
     """Which physical effect is missing; together: one search of several runs of one machine.
 
@@ -383,7 +388,7 @@ def write_effect(
     model: "Model | str | Path | None" = None,
     drive: str | None = None,
     start: Start = "auto",
-    **reading: Any,
+    **reading: Unpack[ReadingOptions],
 ) -> "EffectFile | None":
     """Write the effect that the unknown heat of a run asks for as a plug-in to `path`; None where it follows no logged column.
 
@@ -412,7 +417,7 @@ def improve(
     jobs: int | None = 1,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
-    **reading: Any,
+    **reading: Unpack[ReadingOptions],
 ) -> Improvement:
     """Effects added, the error falling; ``.model`` is what was learnt; together: one model of several runs of one machine.
 

@@ -104,7 +104,16 @@ KINDS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "imperfection": (lambda v: os.fspath(v) if isinstance(v, os.PathLike) else v, "'typical', 'none', a file or a prior"),
 }
 #: Options of the commands that functions call otherwise.
-OPTIONS = {"set": "settings", "effect": "extra"}
+OPTIONS = {
+    "set": "settings",
+    "effect": "extra",
+    "next": "next_experiment",
+    "exit": "leave",
+    "trace": "details",
+    "output": "into",
+    "displacements": "columns",
+    "past": "model",
+}
 #: For which None has a meaning, whatever they are by default, or is told of elsewhere.
 MAY_BE_NONE = frozenset({"jobs", "runs", "run", "source"})
 
@@ -125,7 +134,8 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     def after_a_look(*args: P.args, **kwargs: P.kwargs) -> R:
         for name in kwargs:
             if name not in known and more in ([], ["reading"]):
-                hint = f"it is called {OPTIONS[name]!r}" if name in OPTIONS else nearest(name, known) or "see docs/api.md"
+                here = OPTIONS.get(name)
+                hint = f"it is called {here!r}" if here in known else nearest(name, known) or "see docs/api.md"
                 raise UsageError(f"tf.{function.__name__} has no argument {name!r}", allowed=", ".join(known), do=hint)
         try:
             bound = signature.bind(*args, **kwargs)

@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from .errors import UsageError
 from .given import Source, Start, checked, in_range, model_of, setting_texts, started_of, work_of
-from .reading_options import names
+from .reading_options import ReadingOptions, names
 from .results import Bench, Displacement, Sensitivity, Validation
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @checked
-def bench(runs: Source, until: float | None = None, *, start: Start = "auto", **reading: Any) -> Bench:
+def bench(runs: Source, until: float | None = None, *, start: Start = "auto", **reading: Unpack[ReadingOptions]) -> Bench:
     """Every filter on each run, and which one to use there: ``thermofast filters bench``.
 
     Raises
@@ -42,7 +42,7 @@ def sensitivity(
     start: Start = "auto",
     jobs: int | None = 1,
     executor: Executor | None = None,
-    **reading: Any,
+    **reading: Unpack[ReadingOptions],
 ) -> Sensitivity:
     """How much each uncertain thing contributes to the spread; sizes: offset, start, room [K], jitter [s], until [min], limit [K].
 
@@ -85,7 +85,7 @@ def displacement(
     order: tuple[int, int] | None = None,
     together: bool = False,
     start: Start = "auto",
-    **reading: Any,
+    **reading: Unpack[ReadingOptions],
 ) -> Displacement:
     """Thermal displacement from the temperatures, and which method to trust.
 
@@ -114,7 +114,7 @@ def validate(
     jobs: int | None = 1,
     executor: Executor | None = None,
     progress: Callable[[int], None] | None = None,
-    **reading: Any,
+    **reading: Unpack[ReadingOptions],
 ) -> Validation:
     """A learnt model against a set of runs: the area between distributions of measured and foretold temperatures.
 

@@ -5,13 +5,14 @@ import signal
 import sys
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import click
 
 from . import __version__
 from .errors import ThermofastError, nearest, visible
-from .output.pipe import Kept, with_streams, without_lines
+from .output.pipe import Kept, whole, with_streams, without_lines
 from .output.whole import written_together
 from .shell.made import ARGUMENTS
 from .workers.threads import set_before_loading
@@ -94,6 +95,15 @@ def cli(ctx: click.Context, config: str | None) -> None:
     ctx.default_map = load_settings(config)
 
 
+def _homeless() -> bool:
+    """Whether the working folder was taken away."""
+    try:
+        Path.cwd()
+    except OSError:
+        return True
+    return False
+
+
 def run(arguments: list[str] | None = None) -> None:
     """Entry point of the script. Exit code 0 done; 1 some sensor failed; 2 bad usage or input; 130 interrupted, 143 terminated."""
     code: Any = 0
@@ -110,10 +120,12 @@ def run(arguments: list[str] | None = None) -> None:
         if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) == signal.SIG_DFL:
             signal.signal(signal.SIGHUP, end)
     without_lines()
-    sys.stdout, sys.stderr = Kept.of(sys.stdout), Kept.of(sys.stderr)
+    screen = Kept.of(whole(sys.stdout))
+    sys.stdout, sys.stderr = screen, Kept.of(sys.stderr)
     try:
         with written_together():
             code = cli.main(args=arguments, prog_name="thermofast", standalone_mode=False)
+        screen.end()
     except ThermofastError as error:
         click.echo(f"Error: {visible(str(error))}", err=True)
         code = 2
@@ -135,7 +147,10 @@ def run(arguments: list[str] | None = None) -> None:
         click.echo("  do: give it more, cut the record (--from, --to, --channels), or name fewer files", err=True)
         code = 2
     except OSError as error:
-        click.echo(visible(f"Error: {error.strerror or error}" + (f": {error.filename}" if error.filename else "")), err=True)
+        with suppress(OSError):
+            screen.end()
+        place = f": {error.filename}" if error.filename else ": the working folder is gone" if _homeless() else ""
+        click.echo(visible(f"Error: {error.strerror or error}{place}"), err=True)
         if error.errno == errno.ENOSPC:
             click.echo("  do: make room there, or write to another disk with -o", err=True)
         code = 2

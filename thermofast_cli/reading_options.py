@@ -5,10 +5,10 @@ import csv
 import io
 import math
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, TypedDict
 
 from .errors import UsageError
 
@@ -63,7 +63,39 @@ class Options:
     max_columns: int = 100_000
 
 
-def options_from(given: dict[str, Any]) -> Options:
+class ReadingOptions(TypedDict, total=False):
+    """The same as keywords of the functions, for type checkers and editors; a list may be one text with commas between."""
+
+    time: str | None
+    time_unit: str | None
+    time_format: str | None
+    tz: str | None
+    interval_s: float | str | None
+    interval: float | str | None
+    ambient: str | None
+    inputs: str | Sequence[str]
+    channels: str | Sequence[str]
+    exclude: str | Sequence[str]
+    missing: str | Sequence[str]
+    delimiter: str | None
+    decimal: str | None
+    encoding: str | None
+    header_line: int | None
+    sheet: str | int | None
+    long: str | Sequence[str]
+    units: str | Sequence[str] | Mapping[str, str]
+    rename: str | Sequence[str] | Mapping[str, str]
+    resistance: str | Sequence[float]
+    skip_footer: int
+    strict: bool
+    from_min: float | str | None
+    to_min: float | str | None
+    max_bytes: int
+    max_rows: int
+    max_columns: int
+
+
+def options_from(given: Mapping[str, Any]) -> Options:
     """Options by their names on the command line; a list is a list or one text with commas between.
 
     Raises

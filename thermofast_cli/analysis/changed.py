@@ -52,6 +52,8 @@ LOGGED_LATE = 0.5
 BENT, MORE_BENT = 0.04, 4.0
 #: A sensor that ends where it did, to within so much of what it began warmer, is no probe that tells more throughout.
 ENDS_ALIKE = 0.5
+#: Runs so many times as long as the shortest are cut, and that is said.
+LONGER = 1.1
 #: Root mean square of the logarithms of rates and rises, new over old, at which two runs look like those of two machines.
 ANOTHER = 0.35
 #: What each kind says in words.
@@ -166,6 +168,9 @@ def _beyond_kinds(sides: Sides, found: Sequence[Change], verdict: str, differenc
         notes.append("so much differs that they may be another machine's, or of sensors in other places")
     if sides.straight:
         notes.append(f"hardly bent, where they settle does not show, and left out: {listed(sides.straight)}")
+    shortest, longest = (how(s.span for s in sides.seen) for how in (min, max))
+    if sides.model is None and longest > LONGER * shortest:
+        notes.append(f"looked at over their first {rounded(shortest)} min, the length of the shortest run")
     if sides.left_out:
         notes.append(f"not in every run and left out: {', '.join(sides.left_out)}")
     if len(channels) == 1:
@@ -274,6 +279,7 @@ def _visible(found: Sequence[Change], sensors: int) -> str:
         for c in found
         if c.kind in WHOLE and c.deviation is not None
     ]
+    sizes[:1] = [f"of the whole machine {size}" for size in sizes[:1]]
     each = [SHOWS * c.deviation for c in found if c.kind == "sensor" and not c.kelvin and c.deviation is not None]
     if each:
         least, most = (rounded(100.0 * math.expm1(size), 2) for size in (min(each), max(each)))

@@ -1,6 +1,7 @@
 """Output whose reader may go, as ``| head`` does: the work goes on, files are written, and the exit code is that of the work."""
 
 import codecs
+import io
 import os
 import sys
 from typing import Any, TextIO, cast
@@ -47,6 +48,19 @@ class Kept:
         except BrokenPipeError:
             self._leave()
 
+    def end(self) -> None:
+        """What waits, written; an error is told once, and not again at the end of the interpreter.
+
+        Raises
+        ------
+        OSError: there is no room for it.
+        """
+        try:
+            self.flush()
+        except OSError:
+            self._leave()
+            raise
+
     def _leave(self) -> None:
         """What waits and what comes goes into nothing, also at the end of the interpreter."""
         nothing = os.open(os.devnull, os.O_WRONLY)
@@ -55,6 +69,15 @@ class Kept:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(cast(Any, self._stream), name)
+
+
+def whole(stream: TextIO) -> TextIO:
+    """The stream, with a buffer where Python was told to have none: of what a full disk takes in part it would not say so."""
+    raw = getattr(stream, "buffer", None)
+    if not isinstance(raw, io.RawIOBase):
+        return stream
+    buffered = io.BufferedWriter(raw)
+    return io.TextIOWrapper(buffered, encoding=stream.encoding, errors=stream.errors, line_buffering=True)
 
 
 def without_lines() -> None:

@@ -1,7 +1,7 @@
 """``inspect``: what was read of a file, column by column, before any mathematics."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from ..given import checked
 from ..reading import Run
 from ..reading.run import Guess, SeenColumn
 from ..reading.source import read_runs, read_table
-from ..reading_options import Options, options_from
+from ..reading_options import Options, ReadingOptions, options_from
 from ..records import InspectRecord, finite
 from ..results import Inspection
 
@@ -21,7 +21,7 @@ HELD = {"sensor": "channels", "ambient": "ambient", "input": "inputs", "displace
 
 
 @checked
-def inspect(source: Any, *, name: str | None = None, **reading: Any) -> Inspection:
+def inspect(source: Any, *, name: str | None = None, **reading: Unpack[ReadingOptions]) -> Inspection:
     """What is read of a file or table, column by column, before any mathematics; `reading` as in :func:`thermofast.read`.
 
     Raises

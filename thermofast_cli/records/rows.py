@@ -243,7 +243,7 @@ class ValidateRecord(Record):
 
 @dataclass(frozen=True)
 class DiagnoseRecord(Record):
-    """Which effect is missing, repeated in each sensor that it concerns; docs/architecture.md has the rules.
+    """Which effect is missing, repeated in each sensor that it concerns; docs/thresholds.md has the rules.
 
     explained_share is that of the sensor's misfit which the effects named explain, remaining_c [K] what they leave beside noise;
     explained has the effects in the order of what they explain, over all sensors. next_experiment has the runs that might settle

@@ -36,10 +36,10 @@ NOT_HERE = {
 def names_folder(output: str | None) -> TypeGuard[str]:
     """Whether an output is a folder: one that is there, or a name with a slash at its end."""
     scale = scale_of()
-    if scale.shared_files and not (output and (scale.cluster or scale.mpi)):
+    if scale.shared_files and not (output and (scale.cluster or scale.mpi or _started_by_mpi())):
         raise UsageError(
             "--shared-files is for a folder of results made by a cluster",
-            do="name both, -o results/ and --cluster, or leave it out",
+            do="name both, -o results/ and --cluster or --mpi, or leave it out",
         )
     if scale.prune and not scale.resume:
         raise UsageError("--prune takes parts out of results that --resume goes on with", do="name both, or leave it out")
@@ -55,6 +55,12 @@ def names_folder(output: str | None) -> TypeGuard[str]:
     if scale.resume and not folder:
         raise UsageError("--resume goes on with a folder of results", found=output, do="name it: -o results/")
     return folder
+
+
+def _started_by_mpi() -> bool:
+    from ..workers.cluster import started_by_mpi
+
+    return started_by_mpi()
 
 
 def run_archive(

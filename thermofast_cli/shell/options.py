@@ -91,7 +91,7 @@ class Once(click.Option):
         return several[0] if several else None
 
 
-runs_argument = click.argument("runs", nargs=-1, metavar="[RUN]...", type=click.Path())
+runs_argument = click.argument("runs", nargs=-1, metavar="[RUN]...", type=click.Path(readable=False))
 
 filter_options = _together(
     click.option(

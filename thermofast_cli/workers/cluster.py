@@ -221,6 +221,11 @@ class Mpi(Given):
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
+def started_by_mpi() -> bool:
+    """Whether ``python -m mpi4py.futures`` started us, which hands out what we ask for."""
+    return "mpi4py.futures" in sys.modules and any(name in os.environ for name in STARTED_BY_MPI)
+
+
 def crew_of(
     jobs: int | None, cluster: str | None = None, mpi: bool = False, executor: Executor | None = None, guarded: bool = False
 ) -> Crew:
@@ -238,7 +243,7 @@ def crew_of(
     if cluster is not None:
         return Dask(cluster)
     # Loaded by somebody's program it hands nothing out: one process of MPI has no other.
-    by_futures = "mpi4py.futures" in sys.modules and any(name in os.environ for name in STARTED_BY_MPI)
+    by_futures = started_by_mpi()
     if mpi or (by_futures and jobs is None and executor is None):
         return Mpi(by_futures)
     if executor is not None:

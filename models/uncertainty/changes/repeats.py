@@ -20,7 +20,7 @@ OWN = 0.015, 0.015
 #: A machine's scatter as a multiple of the usual one, with prior probabilities, and that of each sensor beside the others as a
 #: multiple of that: old runs that agree say that a machine repeats well. Set on simulated chains and on the pots of a laboratory.
 SCALES = ((0.25, 0.1), (0.5, 0.3), (1.0, 0.5), (2.0, 0.1))
-OWN_SCALES = ((0.7, 0.5), (2.0, 0.3), (6.0, 0.2))
+OWN_SCALES = ((0.7, 0.7), (2.0, 0.3))
 #: A scatter that like runs make less likely than another by so much, as a logarithm, is not looked at further.
 UNLIKELY = 8.0
 
