@@ -624,6 +624,21 @@ def test_mpi_that_somebody_else_has_loaded_hands_nothing_out(monkeypatch):
     crew.close()
 
 
+def test_shared_files_need_a_cluster_or_mpi_however_that_was_started(monkeypatch):
+    """As in docs/scale.md: python -m mpi4py.futures -m thermofast ... --shared-files."""
+    from thermofast.shell import archive
+
+    scale = SimpleNamespace(shared_files=True, cluster=None, mpi=False, prune=False, resume=False)
+    monkeypatch.setattr(archive, "scale_of", lambda: scale)
+    with pytest.raises(tf.UsageError, match="made by a cluster"):
+        archive.names_folder("results/")
+    monkeypatch.setitem(sys.modules, "mpi4py.futures", SimpleNamespace())
+    with pytest.raises(tf.UsageError, match="made by a cluster"):
+        archive.names_folder("results/")
+    monkeypatch.setenv("PMI_RANK", "0")
+    assert archive.names_folder("results/") is True
+
+
 def test_effects_of_which_no_sensor_is_known_are_not_judged():
     from thermofast.learning.foretold import _told
     from thermofast.models.imperfection import Past

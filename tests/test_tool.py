@@ -1,5 +1,6 @@
 """The tool as a user calls it: commands, formats, settings file, pool and interrupts."""
 
+import io
 import json
 import os
 import re
@@ -9,12 +10,14 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from conftest import ROOT
 
+from thermofast.output.pipe import whole
 from thermofast.records import IdentifyRecord, SweepRecord
 from thermofast.workers import flow, pool
 
@@ -459,11 +462,37 @@ def test_odd_names_and_places_give_no_traceback(tool, tmp_path, monkeypatch):
     assert "would overwrite the record" in done.err
     assert tool("identify", copy, "-o", tmp_path / "x.csv", "--trace", tmp_path / "x.csv").code == 2
     assert copy.read_bytes() == SPINDLE.read_bytes()
-    with open("/dev/full", "w") as full:
-        command = [*TOOL, "identify", str(SPINDLE), "-q"]
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, cwd=ROOT, check=False)
-    assert b"Traceback" not in done.stderr
-    assert b"make room there" in done.stderr
+    for words in (["identify", str(SPINDLE), "-q"], ["--help"]):
+        for buffered in ("", "1"):  # PYTHONUNBUFFERED, as containers set it
+            with open("/dev/full", "w") as full:
+                environment = os.environ | {"PYTHONUNBUFFERED": buffered}
+                done = subprocess.run([*TOOL, *words], stdout=full, stderr=subprocess.PIPE, cwd=ROOT, env=environment, check=False)
+            assert done.returncode == 2
+            assert b"Traceback" not in done.stderr
+            assert b"ignored" not in done.stderr
+            assert b"make room there" in done.stderr
+
+
+def test_what_a_full_disk_takes_in_part_is_written_whole():
+    """A file without a buffer that takes three bytes at a time, as one does whose disk is nearly full."""
+
+    class Narrow(io.RawIOBase):
+        taken = b""
+
+        def writable(self):
+            return True
+
+        def write(self, data):
+            self.taken += bytes(data[:3])
+            return len(data[:3])
+
+    narrow = Narrow()
+    stream = whole(SimpleNamespace(buffer=narrow, encoding="utf-8", errors="strict"))
+    stream.write("steady state 26.8 degC\n")
+    stream.flush()
+    assert narrow.taken == b"steady state 26.8 degC\n"
+    already = io.TextIOWrapper(io.BytesIO())
+    assert whole(already) is already
 
 
 def test_other_packages_and_folders_called_filters_and_models_do_not_matter(tmp_path):

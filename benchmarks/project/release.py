@@ -4,6 +4,7 @@ Each is installed into a fresh environment beside a package that has top-level `
 a sample run there, far from the sources.
 """
 
+import os
 import subprocess
 import sys
 import tarfile
@@ -28,6 +29,7 @@ STRANGER = """
 from setuptools import setup
 setup(name="stranger", version="1", packages=["filters", "models"])
 """
+COMPILED, SLOW = 'assert ours.COMPILED, "the wheel has no compiled core"', "assert not ours.COMPILED"
 TRIAL = """
 import filters, models, thermofast as tf
 assert filters.OF == models.OF == "stranger", (filters.__file__, models.__file__)
@@ -66,9 +68,10 @@ def check_contents(sdist: Path, wheel: Path) -> None:
         inside = packed.namelist()
     tops = {name.partition("/")[0] for name in inside}
     alien = [name for name in tops if name != "thermofast" and not name.endswith((".dist-info", ".libs"))]
+    sources = [name for name in inside if name.endswith((".c", ".pyx"))]
     compiled = [name for name in inside if name.endswith((".so", ".pyd"))]
-    if missing or alien or len(compiled) < 5 or "thermofast/output/report/page.css" not in inside:
-        sys.exit(f"missing in the sdist: {missing}; strange in the wheel: {alien}; compiled: {compiled}")
+    if missing or alien or sources or len(compiled) < 5 or "thermofast/output/report/page.css" not in inside:
+        sys.exit(f"missing in the sdist: {missing}; strange in the wheel: {alien + sources}; compiled: {compiled}")
 
 
 def try_it(package: Path) -> str:
@@ -88,6 +91,18 @@ def try_it(package: Path) -> str:
         return told.strip()
 
 
+def without_compiler(sdist: Path) -> str:
+    """What identify says where nothing can be compiled: the same, slower."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        venv.create(place / "env", with_pip=True)
+        run(place / "env" / "bin" / "python", "-m", "pip", "install", "--quiet", sdist, env=os.environ | {"CC": "false"})
+        (place / "trial.py").write_text(TRIAL.format(run=str(ROOT / "sample_runs" / "spindle.csv")).replace(COMPILED, SLOW))
+        (place / "filters.py").write_text('OF = "stranger"')
+        (place / "models.py").write_text('OF = "stranger"')
+        return run(place / "env" / "bin" / "python", place / "trial.py", cwd=place).strip()
+
+
 def main() -> None:
     """Build, check, try."""
     into = ROOT / "dist"
@@ -96,6 +111,7 @@ def main() -> None:
     check_contents(sdist, wheel)
     for package in (wheel, sdist):
         print(package.name, try_it(package))
+    print(sdist.name, "without a compiler", without_compiler(sdist))
 
 
 if __name__ == "__main__":

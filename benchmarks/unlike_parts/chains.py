@@ -4,8 +4,8 @@ python -m benchmarks.unlike_parts.chains [--each 30] [--seed 610000] prints, for
 capacities drawn, one heated or two, a logged room that wanders, a load that flutters, losses that differ by 1 % from run to run;
 each step by the exponential of their matrix): how many 95 % intervals of the temperature at switch-off hold it, from first readings
 30 to 120 s late; how often a loss of all parts is named and its size held; and how often a test that was logged late, or whose load
-was halved within, is said to be a change that is none, as `ok`; and how often two sensors that were exchanged are named, after one
-old run and after three.
+was halved within, is said to be a change that is none, as `ok`; how often one new run after three old ones names a heat, a capacity
+or a loss of all parts; and how often two sensors that were exchanged are named, after one old run and after three.
 """
 
 import argparse
@@ -134,6 +134,26 @@ def unchanged(late: int, halved: bool, seed: int) -> str:
     return told.verdict if told[0].status == "ok" else "open"
 
 
+def one_more(kind: str, factor: float, scatter: float, seed: int) -> tuple[str, bool]:
+    """What one run after three others is said to be where a quantity of all parts is `factor` times as large, and whether that is
+    held; losses and the heat differ from run to run by a share.
+    """
+    rng = np.random.default_rng([seed, 7])
+    chain = Chain.drawn(rng)
+    before = {"heat": chain.heat, "loss": chain.loss, "heat capacity": chain.capacity}
+
+    def run(name: str, more: float) -> tf.Run:
+        now = {k: v * (more if k == kind else 1.0) for k, v in before.items()}
+        differs = np.exp(scatter * rng.standard_normal(2))
+        machine = replace(chain, heat=now["heat"] * differs[0], loss=now["loss"] * differs[1], capacity=now["heat capacity"])
+        return machine.logged(rng, name)
+
+    told = tf.changed([run(f"old {k}", 1.0) for k in range(3)], run("new", factor))
+    first = told[0]
+    held = first.change == kind and first.size_lo is not None and first.size_lo < factor < first.size_hi
+    return (told.verdict if first.status == "ok" else "open"), held
+
+
 def exchanged(old: int, seed: int) -> str:
     """What a run after others is said to be in which two sensors, drawn, were exchanged."""
     rng = np.random.default_rng([seed, 5])
@@ -167,6 +187,16 @@ def main() -> None:
             named = [held for verdict, held in said if verdict == "loss"]
             wrong = sum(verdict not in ("loss", "open") for verdict, _ in said)
             print(f"loss x{factor}: {len(named)} of {len(said)} named, {sum(named)} hold; another kind {wrong}", flush=True)
+        for scatter in (0.0, 0.06):
+            for kind, factor in (("nothing", 1.0), *((k, f) for k in ("heat", "heat capacity", "loss") for f in (1.15, 1.3))):
+                said = list(pool.map(partial(one_more, kind, factor, scatter), seeds))
+                named = [held for verdict, held in said if verdict == kind]
+                wrong = sum(verdict not in (kind, "open", "nothing", "room") for verdict, _ in said)
+                size = "" if kind == "nothing" else f" x{factor}: intervals of {sum(named)} hold;"
+                print(
+                    f"one new run, scatter {scatter:.0%}, {kind}: {len(named)} of {len(said)} named,{size} another kind {wrong}",
+                    flush=True,
+                )
         for late, halved, name in ((5, False, "late"), (10, False, "late"), (20, False, "late"), (0, True, "load halved")):
             said = list(pool.map(partial(unchanged, late, halved), seeds))
             wrong = sum(verdict not in ("nothing", "room", "open") for verdict in said)

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from thermofast.models import difference_noise, spike_weights
 from thermofast.models.imperfection import lagged
 from thermofast.models.noise.chain import fell_back
+from thermofast.models.noise.spikes import bridged
 from thermofast.models.standards.settled import Passing, without_strays
 from thermofast.models.swing import swing_of
+from thermofast.models.uncertainty.kinks import kink, moved_most
 from thermofast.models.uncertainty.surroundings import room_ahead
 
 from ..errors import rounded
@@ -346,6 +348,29 @@ def came_loose(time: Array, reading: Array, resolution: Array, changed_min: floa
                 f"it falls {rounded(fell.fall)} K in {rounded(fell.minutes)} min at {begins:.4g} min, to where it began, while the "
                 f"others go on: did the probe come off? look at it, and use what came before (--until {begins:.4g})"
             )
+    return said
+
+
+def stepped(time: Array, reading: Array, resolution: Array, rate: Array) -> dict[int, tuple[bool, str]]:
+    """Whether the heat or the cooling of a run changed within what was read, and no column says so: of each sensor for which it is
+    not behind, whether it has just come, and what to say.
+
+    reading (S, n) [degC] at time (n,) [min]; rate (S,) [1/min], inf of one of which nothing is to be said.
+    """
+    most = moved_most(reading)
+    some = reading[most]
+    whole = bridged(time, some, (spike_weights(some, resolution[most]) == 0.0) | ~np.isfinite(some))
+    found = kink(time, whole[np.isfinite(whole).all(axis=1)])
+    if found is None or found.gain < RULES.kinked or found.share < RULES.kinked_share:
+        return {}
+    since, before = float(time[-1]) - found.minutes, found.minutes - float(time[0])
+    turns = since * rate
+    at, said = rounded(found.minutes), {}
+    # One rate for what came before and after may be any.
+    for i in np.flatnonzero((np.minimum(turns, since / before) < RULES.kink_over) & np.isfinite(rate)).tolist():
+        fresh = bool(turns[i] < RULES.fresh)
+        then = ", and what it leads to shows later: measure on" if fresh else "; --auto looks for it"
+        said[i] = (fresh, f"all points turn at about {at} min, as where the heat or the cooling changes{then}")
     return said
 
 

@@ -27,6 +27,18 @@ class EstimationRules:
         "probability of an effect beside the law from which a row is doubtful, and past runs are not believed",
         BY_HAND,
     )
+    kinked: float = rule(
+        20.0,
+        "1",
+        "twice the log-likelihood ratio of a sensor, of a kink at one time in all, from which heat or cooling changed within",
+        "on networks of another hand 3 of 140 pass without a change: benchmarks.unlike_parts.events_within",
+    )
+    kinked_share: float = rule(
+        0.05, "of what was moved", "that a kink has done until the last reading: less is a load that flutters", "as kinked"
+    )
+    kink_over: float = rule(
+        2.0, "time constants", "after a kink, or times what came before it, from which on it is behind", BY_HAND
+    )
     done: float = rule(
         0.1,
         "of the rise",

@@ -16,7 +16,7 @@ from thermofast.models.uncertainty.companions import DONE
 
 from ..errors import rounded
 from .estimate import Claims, Estimate, Estimates, said_of_early
-from .measured import came_loose, outlying, went, words
+from .measured import came_loose, outlying, stepped, went, words
 from .rules import RULES
 from .sensor import Sensor, Sensors, left_at_end
 
@@ -120,11 +120,10 @@ def claimed_verdicts(
 ) -> tuple[list[str], dict[int, list[str]]]:
     """Status of each sensor, and of some what to say: ``ok`` is earned by an interval that law, machine and readings bear out."""
     case = _Case(found, claimed, sensors, past, until)
-    undetermined = _undetermined(case, back)
     first = [
         Reason(back, lambda _: "it settles where it began: there is no rise of which 95 % could be told"),
         Reason(_still(case), lambda _: "it did not move by more than its noise: not heated yet, or settled before"),
-        *undetermined,
+        *(undetermined := _undetermined(case, back)),
         *_of_the_law(case),
     ]
     later = [*_of_the_heat(case, changed_min), *_of_what_came_later(case), *_of_what_is_out(case), *_noted(case)]
@@ -137,9 +136,13 @@ def claimed_verdicts(
     for reason in (*first, early, _faded(case, tracks, status), *later):
         for i in np.flatnonzero(reason.where).tolist():
             messages.setdefault(i, []).append(reason.say(i))
-    read = slice(found.weights.shape[1])
-    for i, said in came_loose(sensors.time[read], sensors.reading[:, read], sensors.resolution, changed_min).items():
+    read = sensors.time[: found.weights.shape[1]], sensors.reading[:, : found.weights.shape[1]], sensors.resolution
+    for i, said in came_loose(*read, changed_min).items():
         status[i], messages[i] = "not_determined" if open_[i] else "model_doubtful", [said]  # what else is said is of no machine
+    if past is None and changed_min is None and not (open_.all() or claimed.other_rise.any()):
+        for i, (fresh, said) in stepped(*read, np.where(open_ | (claimed.averaged > 1), np.inf, claimed.rate[:, 1])).items():
+            status[i] = "model_doubtful" if fresh and status[i] == "ok" else status[i]
+            messages[i] = [*messages.get(i, []), said]
     return _contradicted(status, messages, against, until)
 
 
@@ -404,9 +407,8 @@ def _jumped(found: Estimates, sensors: Sensors) -> Array:
 
 def _since_change(claimed: Claims, past: Past | None, changed_min: float | None, found: Estimates) -> Array:
     """Minutes since the load changed (S,): the drive of a sensor that follows one, else what is logged and not counted; or inf."""
-    counted = past.changed_min if past is not None else -np.inf
     other = -np.inf if changed_min is None or changed_min > found.time else changed_min
-    return np.asarray(found.time - np.where(claimed.other_rise, counted, other))
+    return np.asarray(found.time - np.where(claimed.other_rise, past.changed_min if past is not None else -np.inf, other))
 
 
 def _median(values: Array) -> float:
