@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import thermofast as tf
+from thermofast.estimation import verdicts
 from thermofast.estimation.measured import stepped
 from thermofast.estimation.rules import RULES
 from thermofast.models.uncertainty.kinks import FEWEST, SENSORS, kink, moved_most
@@ -95,3 +96,41 @@ def test_just_after_a_change_no_row_is_ok():
     slow = rows[2]
     assert slow.status != "ok"
     assert "all points turn at about 4" in slow.message
+
+
+def test_what_a_kink_has_done_is_told_by_the_sensors_that_have_it():
+    """One that does not move has moved by nothing, of which any noise is a large share."""
+    time, reading = read(np.random.default_rng(10), at=41.0)
+    still = 20.0 + 0.02 * np.random.default_rng(11).standard_normal((1, len(time)))
+    assert kink(time, np.concatenate([reading, still])).share == pytest.approx(kink(time, reading).share, rel=0.25)
+
+
+def test_a_change_of_little_is_not_told_however_clear_it_is():
+    time, reading = read(np.random.default_rng(12), at=41.0, size=-0.04, noise=0.001)
+    found = kink(time, reading)
+    assert found.gain > RULES.kinked
+    assert found.share < RULES.kinked_share
+    assert stepped(time, reading, np.zeros(3), np.full(3, 1 / 60.0)) == {}
+
+
+def test_a_change_that_is_fresh_doubts_a_row_and_averaged_readings_are_not_asked(monkeypatch):
+    """Three sensors that are ok, of which the second is said to have just changed; a logger that averages makes kinks of its own."""
+    asked = []
+
+    def told(time, reading, resolution, rate):
+        asked.append(rate)
+        return {1: (True, "all points turn"), 2: (False, "all points turn")}
+
+    monkeypatch.setattr(verdicts, "stepped", told)
+    time, reading = read(np.random.default_rng(13), minutes=120.0)
+    rows = tf.identify({"time_min": time} | {f"T{i}": row for i, row in enumerate(reading)}).records
+    assert [(r.status, "all points turn" in r.message) for r in rows] == [("ok", False), ("model_doubtful", True), ("ok", True)]
+    assert np.isfinite(asked[0]).all()
+    averaged = np.array(
+        [
+            np.convolve(row, np.ones(10) / 10.0, "valid")
+            for row in reading + 0.2 * np.random.default_rng(14).standard_normal(reading.shape)
+        ]
+    )
+    tf.identify({"time_min": time[: averaged.shape[1]]} | {f"T{i}": row for i, row in enumerate(averaged)})
+    assert np.isinf(asked[1]).all()
