@@ -105,6 +105,8 @@ def compare_runs(
         found = with_offset(found, begin, sides.levels - sides.starts, sides.old, of_rises, sides.stand_for, sides.misfit_at_start)
     judged = _judged(sides, found, swapped, float(np.median(deviation[: len(sides.channels)])))
     begun = _late_words(sides.warmer) if late and judged.verdict.startswith("nothing") else []
+    if begun and sides.begun.late is not None:
+        begun.append(f"they are as the old ones from about {rounded(sides.begun.late.minutes)} min on")
     notes = [*judged.notes, *begun, *_beyond_kinds(sides, found, judged.verdict, difference)]
     likely = [c for c in found if c.probability > 0.001 or c.kind == "nothing"]
     notes[:0] = _or_else(likely, sides.channels, judged.status)

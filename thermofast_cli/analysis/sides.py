@@ -139,7 +139,7 @@ class Sides:
         mean: Array = self.levels[self.old :].mean(axis=0) - self.levels[: self.old].mean(axis=0)
         return mean
 
-    @property
+    @cached_property
     def begun(self) -> Begun:
         """How the new runs began, beside the old ones."""
         warm, room = (1.0 - WARM, ROOM_ERROR) if self.logged else (WARM, ROOM_BETWEEN)

@@ -85,9 +85,9 @@ def changes(
         for one, share in zip(some, each.tolist(), strict=True):
             kinds.setdefault((one.kind, one.sensors), []).append((share, one))
     listed = [_change(kind, sensors, some, total) for (kind, sensors), some in kinds.items()]
-    began = np.zeros(3)
-    for share, one in kinds["nothing", ()]:
-        began[one.way] += share / max(sum(s for s, _ in kinds["nothing", ()]), 1e-300)
+    nothing = kinds["nothing", ()]
+    by_way = np.bincount([one.way for _, one in nothing], weights=[share for share, _ in nothing], minlength=3)
+    began = by_way / max(float(by_way.sum()), 1e-300)
     weights = [float(each.sum()) / total for each in shares]
     difference: Array = np.average([each.difference for each in under], axis=0, weights=weights)
     noise: Array = np.average([each.noise for each in under], axis=0, weights=weights)
