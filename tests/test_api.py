@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 
 import numpy as np
 import pandas as pd
@@ -159,6 +160,9 @@ def test_bad_settings_are_errors_with_words(frame):
         (lambda: tf.identify(run, channels="T5"), "read already"),
         (lambda: tf.identify(frame, chanels="T5"), "tf.identify has no argument 'chanels'"),
         (lambda: tf.identify(run, untill=60), "did you mean 'until'"),
+        (lambda: tf.diagnose(run, next=True), "it is called 'next_experiment'"),
+        (lambda: tf.identify(run, trace=True), "it is called 'details'"),
+        (lambda: tf.identify(run, next=True), "do: see docs/api.md|do: did you mean"),  # not of this function
         (lambda: tf.identify(run, 60, "afukf"), "tf.identify: too many positional arguments"),
         (lambda: tf.plan(0.5, sensors="3"), "sensors is not such a number"),
         (lambda: tf.read(frame, strict="no"), "strict: not understood"),
@@ -529,3 +533,10 @@ def test_one_window_may_be_a_number_of_numpy():
     assert tf.sweep(SPINDLE, windows=np.int64(45), times=[20, 40], channels=["T1"]) == tf.sweep(
         SPINDLE, windows=45, times=[20, 40], channels=["T1"]
     )
+
+
+def test_the_words_of_reading_are_known_to_type_checkers():
+    """As many as there are options, and the one that may be told with its unit; a misspelt one is found by mypy before it runs."""
+    from thermofast.reading_options import Options, ReadingOptions
+
+    assert {*ReadingOptions.__annotations__} == {f.name for f in fields(Options)} | {"interval"}

@@ -614,3 +614,19 @@ def test_the_picture_is_not_stretched_by_a_sensor_of_which_nothing_is_known():
         assert 1.0 < high < 1.3
         assert len(axis.lines[0].get_xdata()) == 1  # one dot; the bar beside it runs from end to end
     assert draw_change(Difference(("a",), np.array([9.0, 9.0]), np.ones(2), "contact")).axes[0].get_xlim()[1] < 1.2
+
+
+def test_longer_runs_are_said_to_be_cut_and_what_would_show_is_of_the_whole_machine():
+    rng = np.random.default_rng(31)
+    told = tf.changed([run(rng, "long", length=400.0), run(rng, "longer", length=410.0)], run(rng, "new", length=300.0))
+    assert "looked at over their first 300 min, the length of the shortest run" in told[0].message
+    assert "would most likely have shown: of the whole machine " in told[0].message
+    alike = tf.changed([run(rng, "one", length=300.0), run(rng, "two", length=310.0)], run(rng, "three", length=300.0))
+    assert "shortest run" not in alike[0].message
+
+
+def test_a_test_that_is_logged_late_says_from_when_on_it_is_as_the_old_ones():
+    rng = np.random.default_rng(21)
+    told = tf.changed([four(rng, f"old {k}") for k in range(3)], four(rng, "late", late=20))
+    assert told[0].change == "nothing"
+    assert float(re.search(r"as the old ones from about (\S+) min on", told[0].message)[1]) == pytest.approx(20.0, abs=2.0)

@@ -366,9 +366,8 @@ def test_a_misfit_is_set_against_what_moved_where_that_is_more_than_the_fitted_r
 
     def fit(share, rise):
         run = SimpleNamespace(used=np.ones((1, 101), dtype=bool), time=time, moved=np.array([10.0]))
-        return SimpleNamespace(
-            residual=share * wave[None], run=run, values={LEVEL: np.array([20.0 + rise]), START: np.array([20.0])}
-        )
+        values = {RATE: np.array([0.05]), LEVEL: np.array([20.0 + rise]), START: np.array([20.0])}
+        return SimpleNamespace(residual=share * wave[None], run=run, values=values)
 
     assert not _bent([fit(0.01, 1.0), fit(1.0, 1.0)], 1, ("a",))
     assert not _bent([fit(0.01, 10.0), fit(1.0, 10.0)], 1, ("a",))

@@ -473,6 +473,27 @@ def test_odd_names_and_places_give_no_traceback(tool, tmp_path, monkeypatch):
             assert b"make room there" in done.stderr
 
 
+def test_a_file_that_may_not_be_read_is_a_row_and_the_others_are_worked_on(tool, tmp_path, monkeypatch):
+    """Named beside others; whoever runs the suite may read all."""
+    closed = tmp_path / "closed.csv"
+    closed.write_bytes(SPINDLE.read_bytes())
+    real = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode, **more: str(path) != str(closed) and real(path, mode, **more))
+    done = tool("identify", SPINDLE, closed, "--channels", "T5", "--until", 60, "-q")
+    assert done.code == 0
+    assert done.out.count("T5") == 2
+
+
+def test_a_working_folder_that_is_gone_is_named(tmp_path):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    code = f"import os, shutil, sys; os.chdir({str(gone)!r}); shutil.rmtree({str(gone)!r}); from thermofast.main import run; run(['identify', 'a.csv'])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "the working folder is gone" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_what_a_full_disk_takes_in_part_is_written_whole():
     """A file without a buffer that takes three bytes at a time, as one does whose disk is nearly full."""
 

@@ -5,7 +5,8 @@ capacities drawn, one heated or two, a logged room that wanders, a load that flu
 each step by the exponential of their matrix): how many 95 % intervals of the temperature at switch-off hold it, from first readings
 30 to 120 s late; how often a loss of all parts is named and its size held; and how often a test that was logged late, or whose load
 was halved within, is said to be a change that is none, as `ok`; how often one new run after three old ones names a heat, a capacity
-or a loss of all parts; and how often two sensors that were exchanged are named, after one old run and after three.
+or a loss of all parts, or a probe that is off; and how often two sensors that were exchanged are named, after one old run and after
+three.
 """
 
 import argparse
@@ -66,20 +67,12 @@ class Chain:
 
     def run(self, rng: np.random.Generator, load: Callable[[float], float], minutes: float) -> tuple[np.ndarray, ...]:
         """(times (T,) [min], temperatures (n, T), the room (T,)), begun as warm as the room, under loads of the heat."""
-        n, wander, flutter = len(self.loss), rng.uniform(0.05, 0.3), rng.uniform(0.005, 0.01)
-        loss = self.loss * np.exp(0.01 * rng.standard_normal())
-        matrix = replace(self, loss=loss).matrix
-        step = expm(matrix * STEP)
-        held = np.linalg.solve(matrix, step - np.eye(n)) * 0.06 / self.capacity  # of powers [W] that stay over a step
+        wander, flutter = rng.uniform(0.05, 0.3), rng.uniform(0.005, 0.01)
+        machine = replace(self, loss=self.loss * np.exp(0.01 * rng.standard_normal()))
         time = np.arange(0.0, minutes + STEP / 2, STEP)
-        room = 21.0 + rng.normal(0.0, 1.0) + wander * _memory(rng, len(time), 80.0)
-        part = flutter * _memory(rng, len(time), 12.0)
-        found = np.empty((n, len(time)))
-        found[:, 0] = room[0]
-        for k in range(len(time) - 1):
-            power = self.share * self.heat * load(time[k]) * (1.0 + part[k]) + loss * room[k]
-            found[:, k + 1] = step @ found[:, k] + held @ power
-        return time, found, room
+        room = 21.0 + rng.normal(0.0, 1.0) + wander * path(rng, len(time), 80.0)
+        part = flutter * path(rng, len(time), 12.0)
+        return time, warmed([(0.0, machine)], time, room, np.array([load(t) for t in time]) * (1.0 + part)), room
 
     def logged(self, rng: np.random.Generator, name: str, load: Callable[[float], float] = lambda _: 1.0, late: int = 0) -> tf.Run:
         """A run as a logger has it, every minute from `late` [min] on."""
@@ -90,8 +83,29 @@ class Chain:
         return tf.read({"time_min": time[every] - late, **columns, "ambient [degC]": room[every]}, name=name)
 
 
-def _memory(rng: np.random.Generator, count: int, memory_min: float) -> np.ndarray:
-    """A path (count,) of deviation 1 that forgets within so many minutes."""
+def warmed(machines: list[tuple[float, Chain]], time: np.ndarray, room: np.ndarray, load: np.ndarray) -> np.ndarray:
+    """Temperatures (n, T) of machines that each take the place of the one before from a time [min] on, begun as warm as the room.
+
+    time (T,) in STEPs; room (T,) [degC]; load (T,), the heat's share.
+    """
+    steps = []
+    for _, one in machines:
+        step = expm(one.matrix * STEP)
+        held = (
+            np.linalg.solve(one.matrix, step - np.eye(len(one.loss))) * 0.06 / one.capacity
+        )  # of powers [W] that stay over a step
+        steps.append((one, step, held))
+    begins = np.array([begin for begin, _ in machines])
+    found = np.empty((len(machines[0][1].loss), len(time)))
+    found[:, 0] = room[0]
+    for k in range(len(time) - 1):
+        one, step, held = steps[int((begins <= time[k]).sum()) - 1]
+        found[:, k + 1] = step @ found[:, k] + held @ (one.share * one.heat * load[k] + one.loss * room[k])
+    return found
+
+
+def path(rng: np.random.Generator, count: int, memory_min: float) -> np.ndarray:
+    """A course (count,) of deviation 1 that forgets within so many minutes."""
     keeps = np.exp(-STEP / memory_min)
     found = np.empty(count)
     found[0] = rng.standard_normal()
@@ -154,6 +168,27 @@ def one_more(kind: str, factor: float, scatter: float, seed: int) -> tuple[str, 
     return (told.verdict if first.status == "ok" else "open"), held
 
 
+def probe_off(kelvin: float, seed: int) -> str:
+    """What a run after three others is said to be in which one probe, drawn, tells so much more or less from beginning to end."""
+    rng = np.random.default_rng([seed, 8])
+    chain = Chain.drawn(rng)
+    old = [chain.logged(rng, f"old {k}") for k in range(3)]
+    new, name = chain.logged(rng, "new"), f"T{rng.integers(len(chain.loss))} [degC]"
+    size = kelvin * float(rng.choice([-1.0, 1.0]))
+    columns = {c: values + (size if c == name else 0.0) for c, values in new.channels.items()}
+    told = tf.changed(old, tf.read({"time_min": new.time_s / 60.0, **columns, **new.ambient}, name="new"))
+    first = told[0]
+    if first.status != "ok":
+        return "open"
+    if told.verdict != "sensor":
+        return told.verdict
+    if first.channel != name:
+        return "another sensor"
+    if first.difference_lo_k is None:
+        return "a factor"
+    return "right" if first.difference_lo_k < size < first.difference_hi_k else "size wrong"
+
+
 def exchanged(old: int, seed: int) -> str:
     """What a run after others is said to be in which two sensors, drawn, were exchanged."""
     rng = np.random.default_rng([seed, 5])
@@ -201,6 +236,10 @@ def main() -> None:
             said = list(pool.map(partial(unchanged, late, halved), seeds))
             wrong = sum(verdict not in ("nothing", "room", "open") for verdict in said)
             print(f"{name}{f' by {late} min' if late else ''}: a change that is none, ok, in {wrong} of {len(said)}", flush=True)
+        for kelvin in (2.0, 4.0):
+            said = list(pool.map(partial(probe_off, kelvin), seeds))
+            kinds = {kind: said.count(kind) for kind in sorted(set(said))}
+            print(f"a probe off by {kelvin:.0f} K: {', '.join(f'{k} {c}' for k, c in kinds.items())} of {len(said)}", flush=True)
         for old in (1, 3):
             said = list(pool.map(partial(exchanged, old), seeds))
             kinds = {kind: said.count(kind) for kind in sorted(set(said))}

@@ -12,10 +12,9 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.linalg import expm
 
 import thermofast as tf
-from benchmarks.unlike_parts.chains import STEP, Chain, _memory, holds
+from benchmarks.unlike_parts.chains import STEP, Chain, holds, path, warmed
 
 KINDS = ("nothing", "fan on", "fan off", "heat")
 
@@ -36,16 +35,8 @@ def judged(kind: str, seed: int) -> tuple[bool, float, list[tuple[bool, bool]]]:
     minutes = max(40.0, slowest * float(rng.uniform(0.7, 2.5)))
     at, wander, flutter = minutes * float(rng.uniform(0.3, 0.8)), rng.uniform(0.05, 0.3), rng.uniform(0.005, 0.01)
     then, time = after(kind, chain, rng), np.arange(0.0, minutes, STEP)
-    room, part = 21.0 + wander * _memory(rng, len(time), 80.0), flutter * _memory(rng, len(time), 12.0)
-    clean = np.empty((len(chain.loss), len(time)))
-    clean[:, 0] = room[0]
-    steps = []
-    for one in (chain, then):
-        step = expm(one.matrix * STEP)
-        steps.append((one, step, np.linalg.solve(one.matrix, step - np.eye(len(one.loss))) * 0.06 / one.capacity))
-    for k in range(len(time) - 1):
-        one, step, held = steps[int(time[k] >= at)]
-        clean[:, k + 1] = step @ clean[:, k] + held @ (one.share * one.heat * (1.0 + part[k]) + one.loss * room[k])
+    room, load = 21.0 + wander * path(rng, len(time), 80.0), 1.0 + flutter * path(rng, len(time), 12.0)
+    clean = warmed([(0.0, chain), (at, then)], time, room, load)
     seen = clean[:, ::4] + chain.noise[:, None] * rng.standard_normal(clean[:, ::4].shape)
     run = tf.read({"time_min": time[::4], **{f"T{i} [degC]": row for i, row in enumerate(seen)}}, name="run")
     rows = tf.identify(run, details=False).records

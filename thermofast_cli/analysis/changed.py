@@ -16,6 +16,7 @@ from thermofast.models.uncertainty.changes import (
     begun_beside,
     changes,
     other_room,
+    rates_and_rises,
     with_offset,
     with_room,
 )
@@ -24,7 +25,7 @@ from ..errors import listed, rounded
 from ..machine.model import Model
 from ..records import ChangedRecord
 from ..workers.engine import Started
-from .sides import ROOM_ERROR, Sides, rises_of
+from .sides import ROOM_ERROR, Sides
 
 Array = NDArray[np.float64]
 
@@ -357,7 +358,7 @@ def _bent(fits: Sequence[Fit], old: int, channels: Sequence[str]) -> list[str]:
         misfit = np.array([np.mean(np.square(row[used])) for row, used in zip(fit.residual, fit.run.used, strict=True)])
         left.append(np.sqrt(np.maximum(misfit - np.square(noise), 0.0)))
     kelvin = np.array(left)
-    rises = np.array([rises_of(f) for f in fits])
+    rises = np.array([rates_and_rises(f)[1] for f in fits])
     # The fitted rise of one that hardly moves may be anything.
     share = kelvin / np.maximum([f.run.moved for f in fits], np.abs(rises))
     for mine, side, others, other in ((slice(old, None), "new", slice(old), "old"), (slice(old), "old", slice(old, None), "new")):

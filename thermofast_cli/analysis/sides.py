@@ -20,6 +20,7 @@ from thermofast.models.uncertainty.changes import (
     beside_others,
     by_length,
     logged_late,
+    rates_and_rises,
     without_room,
 )
 
@@ -108,8 +109,13 @@ class Sides:
         """How many runs those of the old side stand for, each of them."""
         return 1 if self.model is None else 1 + len(self.model.file.also_from)
 
+    @property
+    def _rooms(self) -> Array:
+        """Rooms (K, 1) [degC] where they are logged, else 0."""
+        return np.array([[f.run.sink_c or 0.0] for f in self.fits])
+
     def _fitted(self, key: Key) -> Array:
-        return np.stack([np.asarray(f.values[key], dtype=np.float64) - (f.run.sink_c or 0.0) for f in self.fits])
+        return np.stack([np.asarray(f.values[key], dtype=np.float64) for f in self.fits]) - self._rooms
 
     @cached_property
     def starts(self) -> Array:
@@ -145,7 +151,7 @@ class Sides:
         warm, room = (1.0 - WARM, ROOM_ERROR) if self.logged else (WARM, ROOM_BETWEEN)
         if self.model is not None or self.first is None:
             return Begun(self.warmer, self.rise, warm, room)
-        seen = self.first - np.array([[f.run.sink_c or 0.0] for f in self.fits])
+        seen = self.first - self._rooms
         warmer = seen[self.old :].mean(axis=0) - seen[: self.old].mean(axis=0)
         new = np.array([self.starts[self.old :].mean(axis=0), seen[self.old :].mean(axis=0)])
         late = logged_late(self.fits[: self.old], warmer, room)
@@ -156,7 +162,7 @@ class Sides:
         """By how much more (S,) [K] the fitted beginnings miss the first readings in the new runs than in the old ones."""
         if self.model is not None or self.first is None:
             return 0.0
-        missed = self.starts + np.array([[f.run.sink_c or 0.0] for f in self.fits]) - self.first
+        missed = self.starts + self._rooms - self.first
         more: Array = missed[self.old :].mean(axis=0) - missed[: self.old].mean(axis=0)
         return more
 
@@ -249,7 +255,7 @@ def observed_run(one: Started) -> Observations:
 
 def _same_way(fits: Sequence[Fit], old: int) -> None:
     """Raises UsageError where the new runs cool down and the `old` ones warm up, or the other way round."""
-    moves = [rises_of(f) for f in fits]
+    moves = [rates_and_rises(f)[1] for f in fits]
     before, after = np.mean(moves[:old], axis=0), np.mean(moves[old:], axis=0)
     against = before * after < 0.0
     if against.mean() > 0.5:
@@ -259,12 +265,6 @@ def _same_way(fits: Sequence[Fit], old: int) -> None:
             found=f"{fits[0].run.name} {way[0]}, {fits[-1].run.name} {way[1]}",
             do="compare a warm-up with a warm-up",
         )
-
-
-def rises_of(fit: Fit) -> Array:
-    """Fitted rises (S,) [K]."""
-    rise: Array = np.asarray(fit.values[LEVEL], dtype=float) - np.asarray(fit.values[START], dtype=float)
-    return rise
 
 
 def hardly_bent(fits: Sequence[Fit]) -> list[str]:

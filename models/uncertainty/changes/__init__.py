@@ -12,7 +12,7 @@ the fits counted, sizes unknown.
 from .begun import ROOM_BETWEEN, WARM, Begun, begun_beside, other_room, with_offset, with_room
 from .change import Change
 from .kinds import WHOLE, Compared, changes
-from .numbers import LOCAL, LOGGED_DRIFT, RunNumbers, beside_others, by_length, logged_late, without_room
+from .numbers import LOCAL, LOGGED_DRIFT, RunNumbers, beside_others, by_length, logged_late, rates_and_rises, without_room
 
 __all__ = [
     "LOCAL",
@@ -30,6 +30,7 @@ __all__ = [
     "changes",
     "logged_late",
     "other_room",
+    "rates_and_rises",
     "with_offset",
     "with_room",
     "without_room",

@@ -142,7 +142,7 @@ def _pairs(old: Mean, new: Mean) -> list[tuple[int, int]]:
     crossed = (new[0].reshape(2, 1, n) - old[0].reshape(2, n, 1)) ** 2 / variance.reshape(2, n, 1)
     gain = sum(left[k * n + first] + left[k * n + second] - crossed[k][first, second] - crossed[k][second, first] for k in (0, 1))
     best = np.argsort(-np.asarray(gain))[:PAIRS]
-    return list(zip(first[best].tolist(), second[best].tolist(), strict=True)) if n > 1 else []
+    return list(zip(first[best].tolist(), second[best].tolist(), strict=True))
 
 
 def _exchanges(

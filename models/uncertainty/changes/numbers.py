@@ -51,8 +51,7 @@ class RunNumbers:
         Without a drift the errors are those of the fit alone, and nothing of the air around the machine.
         """
         n, model = fit.run.sensors, fit.model
-        rate, level, start = (np.asarray(fit.values[key], dtype=float) for key in (RATE, LEVEL, START))
-        rise = level - start
+        rate, rise = rates_and_rises(fit)
         if not np.all(np.isfinite(rise)) or np.any(rise == 0.0):
             return None
         values, covariance = np.concatenate([np.log(rate), np.log(np.abs(rise))]), np.zeros((2 * n, 2 * n))
@@ -73,6 +72,12 @@ class RunNumbers:
         return cls(values, covariance)
 
 
+def rates_and_rises(fit: Fit) -> tuple[Array, Array]:
+    """Fitted rates (S,) [1/min] and rises (S,) [K]."""
+    rate, level, start = (np.asarray(fit.values[key], dtype=np.float64) for key in (RATE, LEVEL, START))
+    return rate, level - start
+
+
 def _of_the_air(moved: Array, drift: float) -> Array:
     """Covariance (2 n, 2 n) by the air around a machine, from what its `_courses` move (courses, 2 n): the room's moves all sensors
     alike, that beside each only its own.
@@ -90,7 +95,7 @@ def without_room(run: Observations) -> Fit:
     fit = fit_model(run)
     for _ in range(FOLLOWED if run.ambient else 0):
         course = _courses(run)[-1]
-        rates = np.asarray(fit.values[RATE], dtype=float)
+        rates, _ = rates_and_rises(fit)
         fit = fit_model(replace(run, reading=run.reading - np.array([_follows(run, course, rate) for rate in rates])))
     return fit
 
@@ -189,7 +194,7 @@ def logged_late(fits: Sequence[Fit], warmer: Array, room: float) -> Late | None:
     moved = []
     for fit in fits:
         cut = fit_model(fit.run.without(fit.run.time < fit.run.time[0] + minutes[at]))
-        risen_before = np.asarray(cut.values[RATE], dtype=float) * minutes[at]  # its start is that of the whole run
+        risen_before = rates_and_rises(cut)[0] * minutes[at]  # its start is that of the whole run
         moved.append(_moved(fit, cut) - np.concatenate([np.zeros(n), risen_before]))
     return Late(float(minutes[at]), risen[:, at], np.mean(moved, axis=0))
 
@@ -204,8 +209,7 @@ def _smooth_at(fit: Fit, minutes: Array, sensor: int) -> Array:
 
 def _moved(fit: Fit, other: Fit) -> Array:
     """Logarithms of rates and rises (2 S,) of another fit over those of the first; 0 of one that does not rise in both."""
-    both = [[np.asarray(f.values[key], dtype=float) for key in (RATE, LEVEL, START)] for f in (fit, other)]
-    rate, rise = np.array([r for r, _, _ in both]), np.array([level - start for _, level, start in both])
+    (rate, rise), (other_rate, other_rise) = rates_and_rises(fit), rates_and_rises(other)
     with np.errstate(all="ignore"):
-        ratio = np.concatenate([rate[1] / rate[0], rise[1] / rise[0]])
+        ratio = np.concatenate([other_rate / rate, other_rise / rise])
         return np.asarray(np.where(ratio > 0.0, np.nan_to_num(np.log(ratio), posinf=0.0, neginf=0.0), 0.0))
