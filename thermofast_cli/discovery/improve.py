@@ -1,10 +1,11 @@
 """``improve``: add effects, refit, and watch the error fall."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise, permutations
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,9 +18,10 @@ from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError
+from ..learning.foretold import as_the_machine_goes, from_first_part
 from ..learning.heat_law import HeatLaw, heat_law
-from ..learning.past import learnt_past, run_learnt_from
-from ..machine.modelfile import ModelFile, model_file
+from ..learning.past import learnt_past, room_left_out, run_learnt_from
+from ..machine.modelfile import ModelFile, model_file, past_entry
 from ..observing.observe import Observed
 from ..observing.task import (
     LoopTask,
@@ -234,6 +236,8 @@ def _improved(
 ) -> Improved:
     """undecided: whether what was found is one cause of several that do as well."""
     seen = prepared.seen
+    learnt, doubt = _learnt(task, prepared, steps)
+    notes = [*notes, *doubt]
     records: list[Any] = []
     labels = []
     for number, step in enumerate(steps):
@@ -261,9 +265,6 @@ def _improved(
                 )
             )
     records += refused_records(ImproveRecord, task.run.name, observed)
-    files = {load_effect(s).id: s for s in (*task.extra, *task.names) if is_file(s)}
-    past = learnt_past([run_learnt_from(steps[-1].fit, prepared.whole)])
-    learnt = model_file(steps[-1].fit, task.run.name, prepared.readings, task.until_min, files, past)
     ordered = [r for s in range(len(steps)) for r in in_order([x for x in records if x.step == s], task.run)]
     return Improved(
         ordered,
@@ -275,3 +276,27 @@ def _improved(
         task.run.name,
         seen.channels,
     )
+
+
+def _learnt(task: LoopTask, prepared: Ready, steps: list[Step]) -> tuple[ModelFile, list[str]]:
+    """What the last step is worth for the machine's next runs, and what to say of it.
+
+    Effects that stand for something else foretell not even the run they were learnt from: its shape then stands for them.
+    """
+    base, last = steps[0].fit, steps[-1].fit
+    files = {load_effect(s).id: s for s in (*task.extra, *task.names) if is_file(s)}
+    past = learnt_past([run_learnt_from(last, prepared.whole)])
+    learnt = model_file(last, task.run.name, prepared.readings, task.until_min, files, past)
+    if not learnt.effects:
+        return learnt, []
+    events = {k: p.effect.id for k, p in enumerate(last.model.parts) if p.effect.event}
+    bare, own = as_the_machine_goes(base, last, prepared, task, events)
+    by = from_first_part(learnt, [own], [bare])
+    room = room_left_out(last)
+    if not by.shape and not room:
+        kept = replace(past, factors=tuple((turn, by.wider * factor) for turn, factor in past.factors))
+        return msgspec.structs.replace(learnt, past=past_entry(kept)), []
+    entry = past_entry(learnt_past([bare]), True, tuple(dict.fromkeys(events.values())))
+    why = "from its first part these effects do not foretell the end of the very run"
+    why = "the logged surroundings moved and are in none of these effects, which hold their part, too" if room else why
+    return msgspec.structs.replace(learnt, past=entry), [f"{why}: identify uses the shape of its rise instead"]

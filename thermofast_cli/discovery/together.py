@@ -1,7 +1,7 @@
 """``improve --together``: several runs of one machine in one fit, each left out in turn."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import msgspec
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models.effects.base import Effect
-from thermofast.models.imperfection import SCATTER, Past, PastRun
+from thermofast.models.imperfection import SCATTER, Past
 from thermofast.models.joint import Fit, Key, Part, fit_model, with_parts
 from thermofast.models.search.candidates import try_add
 from thermofast.models.search.discover import Discovery, Spread, total_likelihood_ratio
@@ -19,9 +19,8 @@ from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.pooled import Pooled, fit_known, fit_together, pool
 
 from ..errors import rounded
-from ..learning.foretold import from_first_part
+from ..learning.foretold import as_the_machine_goes, from_first_part
 from ..learning.past import learnt_past, run_learnt_from
-from ..learning.rise import free_runs
 from ..machine.modelfile import learnt_from, model_file, past_entry, refuse_copies
 from ..observing.task import LoopTask, ahead_errors, as_told, check_inputs, ids_of, parameters_of, pooled
 from ..plugins.effects import chosen_effects, load_effect
@@ -275,7 +274,7 @@ def _told(
     learnt = msgspec.structs.replace(learnt, also_from=tuple(origins[1:]))
     if len(stages) > 1:
         events = _at_other_times([last.fits[k] for k in plain])
-        as_of = [_of_the_machine(stages[0].fits[k], last.fits[k], runs[k], events) for k in plain]
+        as_of = [as_the_machine_goes(stages[0].fits[k], last.fits[k], runs[k].prepared, runs[k].task, events) for k in plain]
         bare = [past_run for past_run, _ in as_of]
         by = from_first_part(learnt, [own for _, own in as_of], bare)
         kept = learnt_past(bare) if by.shape else replace(past, factors=tuple((t, by.wider * f) for t, f in past.factors))
@@ -337,26 +336,6 @@ def _at_other_times(fits: Sequence[Fit]) -> dict[int, str]:
                 told = [as_told(fit, k, part.effect.event, t) for t, fit in zip(times, fits, strict=True)]
                 found[k] = f"{part.id} (at {rounded(min(told))} to {rounded(max(told))} min)"
     return found
-
-
-def _of_the_machine(base: Fit, fit: Fit, run: OneOf, events: Collection[int]) -> tuple[PastRun, LoopTask]:
-    """A run as the base model has it, without what probes of a `fit` show that is not their object's, a drift or a jump, and
-    without events that are only this run's; and the task with its run as it would have been.
-    """
-    prepared, task = run.prepared, run.task
-    keep = [k for k, part in enumerate(fit.model.parts) if part.effect.scope != "one" and k not in events]
-    if len(keep) == len(fit.model.parts):
-        return run_learnt_from(base, prepared.whole), task
-    sensors = np.arange(fit.run.sensors)
-    shared = np.tile(fit.shared, (len(sensors), 1))
-    shown = fit.curve - free_runs(fit, fit.run, fit.local, shared, sensors, keep)
-    seen, whole = (replace(one, reading=one.reading - shown) for one in (prepared.seen, prepared.whole))
-    minutes = task.run.time_s / 60.0 - task.start_min
-    without = {c: np.interp(minutes, fit.run.time, row) for c, row in zip(fit.run.channels, shown, strict=True)}
-    channels = {c: row - without.get(c, 0.0) for c, row in task.run.channels.items()}
-    # By another name, so that it is not known again for the run in which something happened.
-    own = replace(task, run=replace(task.run, name=f"{task.run.name} as the machine goes", channels=channels))
-    return run_learnt_from(fit_model(seen), whole), own
 
 
 def _left(run: int, plain: Sequence[int]) -> str:

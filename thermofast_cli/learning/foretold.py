@@ -1,6 +1,6 @@
 """Whether the effects of a model, or the shape of the runs it was learnt from, foretell a run better from its first part."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,14 +8,16 @@ import numpy as np
 from thermofast.filters import Afukf
 from thermofast.models import Lump
 from thermofast.models.imperfection import TYPICAL, Past, PastRun, learn_past
+from thermofast.models.joint import Fit, fit_model
 
 from ..estimation.identify import identify_sensors
 from ..estimation.request import Method, Question
 from ..estimation.sensor import Signals
 from ..machine.model import Model
 from ..machine.modelfile import ModelFile
-from ..observing.task import LoopTask
-from .past import knowledge
+from ..observing.task import LoopTask, Ready
+from .past import knowledge, run_learnt_from
+from .rise import free_runs
 
 #: When a run is read, in time constants, and the share of it up to which that may be.
 TURNS, MOST_READ = (0.3, 0.5, 1.0), 0.6
@@ -28,6 +30,9 @@ WIDEST = 4.0
 #: Score of effects that foretell the runs they were learnt from over that of a shape that has not seen them, above which the shape
 #: is taken.
 NO_BETTER = 0.8
+#: Root mean square of the errors of effects that foretell the one run they were learnt from, in deviations of their own intervals,
+#: above which they are not the machine's: right ones, which have seen its end, come below 1.
+FAILS_ITSELF = 2.0
 
 
 @dataclass(frozen=True)
@@ -43,31 +48,56 @@ class Foretold:
 def from_first_part(file: ModelFile, tasks: Sequence[LoopTask], plain: Sequence[PastRun]) -> Foretold:
     """How well runs are foretold from their first part, by a model's effects and by the shape of the others.
 
-    The effects were learnt from the very runs that they foretell, the shape was not: they must do clearly better. plain: the runs
-    as the base model has them. Interval scores (Winkler) over each sensor's range of readings.
+    The effects were learnt from the very runs that they foretell, the shape was not: they must do clearly better. Of one run there
+    is no shape that has not seen it: effects that miss its end are left. plain: the runs as the base model has them. Interval
+    scores (Winkler) over each sensor's range of readings.
     """
-    if not file.effects or file.learnt_from.drive or len(plain) < 2:
+    if not file.effects or file.learnt_from.drive:
         return Foretold()
     everything = learn_past(plain, TYPICAL)
     rates = [shape.log_rate for shape in everything.shapes.values()]
     tau, model = float(np.exp(-np.median(rates))), Model(file, "the model")
-    pairs: list[tuple[_Told, _Told]] = []
+    effects: list[_Told] = []
+    shapes: list[_Told] = []
     for k, task in enumerate(tasks[:MOST_RUNS]):
-        others = learn_past([run for i, run in enumerate(plain) if i != k], TYPICAL, everything)
+        others = [run for i, run in enumerate(plain) if i != k]
+        shape = learn_past(others, TYPICAL, everything) if others else None
         length = float(task.run.time_s[-1]) / 60.0 - task.start_min
         for until in (task.start_min + turn * tau for turn in TURNS if turn * tau < MOST_READ * length):
             told = knowledge(replace(task, until_min=until, model=model, drive=None, names=(), auto=False))[0]
-            if told.past is not None and not told.failed:
-                effects_alone = replace(
-                    told.past, open_end=frozenset(), unreached={}
-                )  # what the readings leave open is no merit of theirs
-                of = [_told(task, until, past, not told.uses_room or past is others) for past in (effects_alone, others)]
-                pairs += [(of[0][c], of[1][c]) for c in of[0] if c in of[1]]
-    if not pairs:
+            if told.past is None or told.failed:
+                continue
+            # What the readings leave open is no merit of the effects.
+            by_effects = _told(task, until, replace(told.past, open_end=frozenset(), unreached={}), not told.uses_room)
+            by_shape = by_effects if shape is None else _told(task, until, shape, True)
+            both = [c for c in by_effects if c in by_shape]
+            effects += [by_effects[c] for c in both]
+            shapes += [by_shape[c] for c in both]
+    if not effects:
         return Foretold()
-    effects, shape = (float(np.mean([pair[k].score for pair in pairs])) for k in (0, 1))
-    off = float(np.sqrt(np.mean([pair[0].off ** 2 for pair in pairs])))
-    return Foretold(effects > NO_BETTER * shape, float(np.clip(off, 1.0, WIDEST)))
+    off = float(np.sqrt(np.mean([one.off**2 for one in effects])))
+    scores = [float(np.mean([one.score for one in some])) for some in (effects, shapes)]
+    worse = off > FAILS_ITSELF if len(plain) == 1 else scores[0] > NO_BETTER * scores[1]
+    return Foretold(worse, float(np.clip(off, 1.0, WIDEST)))
+
+
+def as_the_machine_goes(base: Fit, fit: Fit, prepared: Ready, task: LoopTask, events: Collection[int]) -> tuple[PastRun, LoopTask]:
+    """A run as the base model has it, without what probes of a `fit` show that is not their object's, a drift or a jump, and
+    without events (parts of the fit) that are only this run's; and the task with its run as it would have been.
+    """
+    keep = [k for k, part in enumerate(fit.model.parts) if part.effect.scope != "one" and k not in events]
+    if len(keep) == len(fit.model.parts):
+        return run_learnt_from(base, prepared.whole), task
+    sensors = np.arange(fit.run.sensors)
+    shared = np.tile(fit.shared, (len(sensors), 1))
+    shown = fit.curve - free_runs(fit, fit.run, fit.local, shared, sensors, keep)
+    seen, whole = (replace(one, reading=one.reading - shown) for one in (prepared.seen, prepared.whole))
+    minutes = task.run.time_s / 60.0 - task.start_min
+    without = {c: np.interp(minutes, fit.run.time, row) for c, row in zip(fit.run.channels, shown, strict=True)}
+    channels = {c: row - without.get(c, 0.0) for c, row in task.run.channels.items()}
+    # By another name, so that it is not known again for the run in which something happened.
+    own = replace(task, run=replace(task.run, name=f"{task.run.name} as the machine goes", channels=channels))
+    return run_learnt_from(fit_model(seen), whole), own
 
 
 @dataclass(frozen=True)

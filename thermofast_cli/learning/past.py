@@ -63,6 +63,8 @@ STAYED = 2.0
 SINK_KEY = Key(-1, SINK.name)
 #: Share of the rise from which on what the readings of past runs alone leave open of their end is told.
 OPEN = 0.05
+#: A logged room that moved by more than this share of the rise, and so many times its own noise, is in what was learnt beside it.
+ROOM_MOVED, NOISES_MOVED = 0.03, 5.0
 #: Share of the way to its end, by its own model, below which what a run ended at says little of that end.
 REACHED = 0.8
 #: Share of the rest of that way by which a limit may be off to either side, and the same of sensors that are linked: together they
@@ -123,6 +125,16 @@ def _room(fit: Fit) -> np.ndarray | None:
     room = np.mean(list(run.ambient.values()), axis=0)
     seen = run.used.any(axis=0)
     return None if follows_machine(run.filled[:, seen], room[seen]) else room
+
+
+def room_left_out(fit: Fit) -> bool:
+    """Whether the effects of a fit were learnt beside a logged room that moved and is in none of them: they hold its part, too."""
+    room = _room(fit) if fit.model.parts else None
+    if room is None:
+        return False
+    low, high = np.quantile(room, [0.05, 0.95])
+    rises = [float(np.ptp(fit.curve[i])) for i in range(fit.run.sensors) if fit.run.used[i].any()]
+    return bool(high - low > max(ROOM_MOVED * float(np.median(rises)), NOISES_MOVED * fit.run.ambient_noise))
 
 
 def _follows_room(fit: Fit) -> bool:
@@ -318,7 +330,7 @@ def _knowledge(task: LoopTask) -> Knowledge:
     notes = [_said([e.id for e in file.effects], task.model.source, past.runs), *more]
     if task.drive is None and (not file.effects or (file.past is not None and file.past.without_effects)):
         if file.effects:
-            left_out = "its effects are left out here: from their first part its runs were foretold better by their shape"
+            left_out = "its effects are left out here: the shape of its runs foretells the next one better"
             came = [
                 f"in its runs came {e}, at another time in each: it is not foretold, and where it comes the model holds no longer"
                 for e in (file.past.without_events if file.past is not None else ())
@@ -339,7 +351,10 @@ def _knowledge(task: LoopTask) -> Knowledge:
     # What a model of one rate leaves of its own runs follows another course of the drive in another way.
     other_ways = task.drive is not None and bool(past.unexplained)
     other_modes = DRIVEN if other_ways else 0.0
-    rises = rises_of(carried.fit, prepared.whole, until_min=task.fitted_min, other_modes=other_modes)
+    own = file.learnt_from.is_of(name, prepared.seen)
+    linked = any(part.effect.reads_sensors for part in carried.fit.model.parts)
+    stretch = past.scatter if linked and not own else 0.0
+    rises = rises_of(carried.fit, prepared.whole, until_min=task.fitted_min, other_modes=other_modes, stretch=stretch)
     known = {c: s for c, s in past.shapes.items() if c in rises}
     reached = _reached(rises, file, known)
     short = {c: share for c, share in reached.items() if share < REACHED}

@@ -35,14 +35,20 @@ DRIVEN_MODES = np.log([0.2, 0.45, 2.0, 5.0, 12.0])
 
 
 def rises_of(
-    fit: Fit, whole: Observations, nodes: Array = NODES, until_min: float | None = None, other_modes: float = 0.0
+    fit: Fit,
+    whole: Observations,
+    nodes: Array = NODES,
+    until_min: float | None = None,
+    other_modes: float = 0.0,
+    stretch: float = 0.0,
 ) -> dict[str, Rise]:
     """Of every sensor of a fitted model; `whole` holds what was logged after the readings that the fit saw, too.
 
     Where the level is that of the fit the curve is its own. What no heat brings (a room that is logged, a coolant) stands beside
     the rise; the uncertainty of an effect's parameters is its doubt. nodes (L,) are the log rates
     about that of the fit at which it is worked out. What is logged counts up to until_min, as long as the record without.
-    other_modes: share (1 sd) of what the heat does that a sensor may follow at each of DRIVEN_MODES.
+    other_modes: share (1 sd) of what the heat does that a sensor may follow at each of DRIVEN_MODES. stretch: deviation of the
+    logarithm by which the rates of all sensors that are linked may be others together than in the runs learnt from.
     """
     used = np.flatnonzero(fit.run.used.any(axis=0))
     last = int(used[-1])
@@ -54,7 +60,8 @@ def rises_of(
     seen = together(fit, _extended(fit, whole, len(whole.time) - 1, last, later), last, range(len(fit.model.parts)))
     told = len(whole.time) if until_min is None else int(np.searchsorted(whole.time, up_to(until_min), "right"))
     held = together(fit, _extended(fit, whole, max(last, told - 1), last, later), last, lasting(fit))
-    runs = _Runs(seen, held, float(whole.time[max(last, told - 1)]), *(_of_others(fit, over, last) for over in (seen, held)))
+    of_others = (_of_others(fit, over, last, stretch) for over in (seen, held))
+    runs = _Runs(seen, held, float(whole.time[max(last, told - 1)]), *of_others)
     return {c: _rise(fit, i, runs, nodes, other_modes) for i, c in enumerate(fit.run.channels)}
 
 
@@ -69,8 +76,10 @@ class _Runs:
     of_held: Array
 
 
-def _of_others(fit: Fit, over: Observations, last: int) -> Array:
-    """What each sensor of a record may move (J, S, N) [K] because another one's end is not known, by a deviation each."""
+def _of_others(fit: Fit, over: Observations, last: int, stretch: float) -> Array:
+    """What each sensor of a record may move (J, S, N) [K] because another one's end is not known, by a deviation each: of one other
+    by its own, and of all others together by a `stretch` of their rates.
+    """
     every, sensors = range(len(fit.model.parts)), np.arange(fit.run.sensors)
     if not any(part.effect.reads_sensors for part in fit.model.parts):
         return np.zeros((0, len(sensors), len(over.time)))
@@ -88,7 +97,31 @@ def _of_others(fit: Fit, over: Observations, last: int) -> Array:
         other = together(replace(fit, local=local), over, last, every).reading - over.reading
         other[s] = 0.0
         found.append(np.clip(np.nan_to_num(other), -MOST_MOVED, MOST_MOVED))
+    if stretch > 0.0:
+        found.append(_of_slower_others(fit, over, last, stretch))
     return np.array(found)
+
+
+def _of_slower_others(fit: Fit, over: Observations, last: int, stretch: float) -> Array:
+    """What each sensor moves (S, N) [K] where all others are slower by exp(stretch), and still where they were read last."""
+    every, sensors = range(len(fit.model.parts)), np.arange(fit.run.sensors)
+    shared = np.tile(fit.shared, (len(sensors), 1))
+    rate, level = fit.model.column(RATE), fit.model.column(LEVEL)
+    slower, higher = fit.local.copy(), fit.local.copy()
+    slower[:, rate] -= stretch
+    higher[:, level] += 1.0
+    base, of_rate, of_level = (
+        free_runs(fit, over, local, shared, sensors, every)[:, last] for local in (fit.local, slower, higher)
+    )
+    with np.errstate(all="ignore"):
+        risen = np.nan_to_num((base - of_rate) / (of_level - base))
+    slower[:, level] += np.clip(risen, -MOST_MOVED, MOST_MOVED)
+    found = np.zeros_like(over.reading)
+    for i in sensors:
+        local = slower.copy()
+        local[i] = fit.local[i]
+        found[i] = (together(replace(fit, local=local), over, last, every).reading - over.reading)[i]
+    return np.clip(np.nan_to_num(found), -MOST_MOVED, MOST_MOVED)
 
 
 def _rise(fit: Fit, i: int, runs: _Runs, about: Array, other_modes: float) -> Rise:

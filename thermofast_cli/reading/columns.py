@@ -12,7 +12,7 @@ from ..reading_options import Options
 from .headings.called import check_names
 from .run import Array, Guess
 from .signs import Sign, names_all_sensors, sign_of
-from .units import parse_unit
+from .units import parse_unit, platinum
 from .vocabulary import (
     AMBIENT,
     COUNTERS,
@@ -95,8 +95,12 @@ def classify(names: list[str], values: dict[str, Array], units: dict[str, str], 
     check_names(options.inputs, names, "--inputs", run)
     if options.ambient:
         check_names([options.ambient], names, "--ambient", run)
-    told = {option.partition("=")[0] for option in options.units if "=" in option}
+    told = {option.rpartition("=")[0] for option in options.units if "=" in option}
     signs = {n: sign_of(own, units.get(n, "")) for n, own in _beyond_place(names).items()}
+    ohms = {n for n, s in signs.items() if s.unit is not None and s.unit.kind == "resistance"}
+    of_platinum = {u.rpartition("=")[0] for u in options.units if platinum(u.rpartition("=")[2])}
+    ohms = ohms if "" in of_platinum else ohms & of_platinum
+    signs |= {n: replace(signs[n], kind="sensor", temperature=True) for n in ohms}
     signs |= {n: replace(signs[n], kind="input") for n in (*_differences(names), *_extremes(names), *_bands(names, values))}
     signs |= {n: replace(signs[n], kind="ambient") for n in _rooms(names)}
     signs |= {n: replace(signs[n], kind="other", unit=None, temperature=False) for n in _companions(names, values)}

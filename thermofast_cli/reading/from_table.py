@@ -39,6 +39,7 @@ class _Said:
 
     notes: list[str] = field(default_factory=list)
     guesses: list[Guess] = field(default_factory=list)
+    own_unit: frozenset[str] = frozenset()  # columns that --units, said of all, does not concern
 
     def of(self, what: str, who: "list[str] | tuple[str, ...]", most: int = 6) -> None:
         """That columns, if there are any, are this."""
@@ -82,7 +83,7 @@ def runs_from_table(table: Table, options: Options) -> list[Run]:
     options = _unit_above(table, roles, units, options, said)
     columns, of_channels = _in_degrees(table, numbers, roles, units, options, said)
     columns |= _in_um({n: numbers[n] for n in roles.displacements}, units, said)
-    seen = _seen(table, time, layout, roles, units, spare, options)
+    seen = _seen(table, time, layout, roles, units, spare, options, said.own_unit)
     if layout is not None:
         time, in_turn = each_in_turn(time, columns)
         said.guesses += in_turn
@@ -192,6 +193,7 @@ def _in_degrees(
             of_channels[n] = f"{impossible} overload or impossible reading{'s' if impossible > 1 else ''} left out"
     refuse_another_unit([numbers[n] for n in roles.sensors], table)
     said.notes += degrees.notes()
+    said.own_unit = frozenset(degrees.own_unit)
     said.guesses += degrees.guesses()
     said.notes.append(f"{len(roles.sensors)} sensor{'s' if len(roles.sensors) > 1 else ''} ({listed(roles.sensors, 4)})")
     for what, who in (("surroundings", roles.ambient), ("inputs", roles.inputs), ("displacements", roles.displacements)):
@@ -225,7 +227,14 @@ def _refuse_taken(options: Options) -> None:
 
 
 def _seen(
-    table: Table, time: Time, layout: Layout | None, roles: Roles, units: dict[str, str], spare: list[str], options: Options
+    table: Table,
+    time: Time,
+    layout: Layout | None,
+    roles: Roles,
+    units: dict[str, str],
+    spare: list[str],
+    options: Options,
+    own_unit: frozenset[str],
 ) -> Seen:
     """What each column was taken for, and how the file is laid out."""
     kinds = {"sensors": "sensor", "ambient": "ambient", "inputs": "input", "displacements": "displacement"}
@@ -236,7 +245,7 @@ def _seen(
         role = of.get(n, "ignored")
         unit = time.unit if role == "time" else units.get(n, "") or getattr(sign_of(n, "").unit, "symbol", "")
         if role in ("sensor", "ambient", "input"):
-            unit = unit_told(n, options, table, by_name=role == "input") or unit
+            unit = unit_told(n, options, table, by_name=role == "input" or n in own_unit) or unit
         columns.append(SeenColumn(n, role, unit, _why(n, role, table, roles, spare, options)))
     d = table.dialect if table.dialect is None or not table.dialect.joined else replace(table.dialect, delimiter="", decimal="")
     return Seen(
@@ -276,11 +285,13 @@ def _no_sensor(table: Table, words: list[str], named: list[str]) -> InputError:
         if two := two_signs(table.columns[n]):  # type: ignore[arg-type]
             return two_decimal_signs(f"{table.name}, column {n!r}", two)
     found = [f"{n} ({u})" if (u := table.units.get(n, "")) else n for n in (named or words)]
+    ohms = any((unit := sign_of(n, table.units.get(n, "")).unit) is not None and unit.kind == "resistance" for n in named)
+    platinum = "; say --units Pt100 (or Pt1000) if columns are a platinum resistor's ohms" if ohms else ""
     return InputError(
         f"{table.name}: no sensor column",
         found=listed(found, 8) or "only a time column",
         allowed="at least one column of temperatures",
-        do="name the sensors with --channels, if these are temperatures",
+        do=f"name the sensors with --channels, if these are temperatures{platinum}",
     )
 
 

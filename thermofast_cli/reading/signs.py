@@ -59,6 +59,8 @@ class Sign:
     temperature: bool
 
 
+#: What a controller's tags begin with: [PLC]T_Front.
+_CONTROLLER = re.compile(r"^\[[^\[\]]+\](?=[^\W\d])")
 #: How the second column of a name is called.
 _WHICH = re.compile(r" \(\d\)$")
 
@@ -70,6 +72,7 @@ def sign_of(name: str, unit_cell: str) -> Sign:
 
 @lru_cache(maxsize=4096)
 def _sign(name: str, unit_cell: str) -> Sign:
+    name = _CONTROLLER.sub("", name)
     core = re.sub(r"[\[(].*", "", name).split(", ")[0]
     said = set(words(name)) | ({name} if not name.isascii() else set())
     first = set(words(core)) or said

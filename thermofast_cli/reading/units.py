@@ -60,8 +60,10 @@ _CVD = 3.9083e-3, -5.775e-7, -4.183e-12
 _LETTER = {"celsius": "C", "cel": "C", "degc": "C", "℃": "C", "kelvin": "K", "degk": "K", "fahrenheit": "F", "degf": "F", "℉": "F"}
 
 _UNIT_ABOVE = re.compile(r"(?i)\W*(?:temperature |temp\.? )?(?:units?|einheit)\W+?([^\s;,\"]+(?: [cfk])?)[\"\s;,]*$")
-_SCALE_IN_WORDS = re.compile(r"(?i)\b(?:temp\w*|values|readings|units?|data)\b[^\n]*\b(fahrenheit|celsius|kelvin|deg ?[fck])\b")
-_SCALES = {"fahrenheit": "F", "celsius": "C", "kelvin": "K"} | {f"deg{b}{u}": u.upper() for b in ("", " ") for u in "fck"}
+_SCALE_IN_WORDS = re.compile(
+    r"(?i)\b(?:temp\w*|values|readings|units?|data)\b[^\n]*(?<!\w)(fahrenheit|celsius|kelvin|(?:°|deg(?:rees?)?) ?[fck])\b"
+)
+_SCALES = {"fahrenheit": "F", "celsius": "C", "kelvin": "K"}
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,8 @@ class Unit:
     sure: bool = True
     #: A reading times this is in the unit: 0.1 for tenths of a degree.
     scale: float = 1.0
+    #: Said by a letter alone, F, which may stand for a place or a type as well.
+    letter: bool = False
 
     @property
     def temperature(self) -> bool:
@@ -89,7 +93,7 @@ def parse_unit(text: str) -> Unit | None:
     if not text:
         return None
     if text in ("C", "K", "F"):
-        return Unit(text, "temperature")
+        return Unit(text, "temperature", letter=True)
     behind = _BEHIND.fullmatch(text)
     if behind:
         return Unit((behind.group(1) or behind.group(2)).upper(), "temperature")
@@ -187,7 +191,7 @@ def unit_above(lines: list[str]) -> str:
     told = [unit for m in map(_UNIT_ABOVE.match, lines) if m and (unit := parse_unit(m[1])) is not None]
     units = {unit.symbol for unit in told if unit.temperature}
     if not units:  # # all temperatures in Fahrenheit
-        units = {_SCALES[m[1].lower()] for line in lines for m in _SCALE_IN_WORDS.finditer(line)}
+        units = {_SCALES.get(m[1].lower()) or m[1][-1].upper() for line in lines for m in _SCALE_IN_WORDS.finditer(line)}
     if not units and told and all(unit.kind == "voltage" for unit in told):
         return told[0].symbol
     return units.pop() if len(units) == 1 else ""

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 
 from ..errors import ThermofastError
 from ..reading_options import Options
@@ -35,6 +36,7 @@ def read_wide(path: Path, name: str, options: Options, limits: Limits) -> Table 
             first = read_text(head, name, options)
         except ThermofastError:
             return None
+        pa.default_memory_pool().release_unused()  # of ten thousand columns pyarrow keeps a tenth of the table's size for later
         columns = list(first.columns.values())
         dialect, told = first.dialect, len(first.notes) + len(first.faults) + len(first.guesses)
         if dialect is None or told > 1 or len(columns) < WIDE or not all(isinstance(c, np.ndarray) for c in columns):

@@ -101,8 +101,22 @@ def _clocks(table: Table) -> list[str]:
         same = [n for n in timed if _stem(n) == _stem(name) and kind[n] == kind[name]]
         if differ(same):
             return same
-    own = len(set(kind.values())) == 1 and all(_of_neighbour(table, n) for n in timed)
+    alike = len(set(kind.values())) == 1
+    own = alike and (all(_of_neighbour(table, n) for n in timed) or _of_other_lengths(table, timed))
     return timed if own and differ(timed) else []
+
+
+def _of_other_lengths(table: Table, timed: list[str]) -> bool:
+    """Whether numeric clocks (Time fast, Time slow) end at different rows, with nothing behind: none tells of all rows."""
+    ends = []
+    for column in (table.columns[n] for n in timed):
+        if not isinstance(column, np.ndarray):
+            return False
+        there = np.isfinite(column)
+        ends.append(int(there.sum()))
+        if not there[: ends[-1]].all():
+            return False
+    return len(set(ends)) > 1
 
 
 def _of_neighbour(table: Table, clock: str) -> bool:

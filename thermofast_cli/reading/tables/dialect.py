@@ -21,8 +21,8 @@ MISSING = frozenset(
         "#num!", "#value!", "#div/0!", "inf", "+inf", "-inf", "infinity", "bad", "fault",
         "fail", "invalid", "no data", "nodata", "?", "*", "***", "****", "*****",
         "#nv", "#wert!", "#valeur!", "#zahl!", "1.#qnan", "-1.#ind", "1.#inf", "<null>", "(null)", "\\n",
-        "unavailable", "unknown", "i/o timeout", "bad input", "n.c.", "fehler", "bruch", "burnout", "+burnout",
-        "-burnout", "open tc", "open circuit", "over range", "overrange", "+over", "-over", "under", "underrange",
+        "unavailable", "unknown", "i/o timeout", "bad input", "n.c.", "fehler", "bruch", "burnout", "burn out", "otc", "ovld",
+        "+burnout", "-burnout", "open tc", "open circuit", "over range", "overrange", "+over", "-over", "under", "underrange",
         "n. def.", "not connected", "disconnected", "timeout", "lo", "hi", "-----", "------", "---.-",
         "--.-", "+++++++", "-------", "######", "#######", "########", "no probe", "sensor break", "#name?",
         "#ref!", "#div/0", "*.*", "-ol-",
@@ -61,6 +61,8 @@ MAYBE = 0.1
 _FORM = re.compile(r"(?i)[\[(]?(yyyy.*|hh.*|dd.*|ts|rn|smp|)[\])]?$")
 #: What a Campbell logger says of how a column was made, in the line under the units.
 _PROCESS = frozenset(["smp", "avg", "max", "min", "tot", "std", "med", "tmn", "tmx", "wvc", "ave", "mean", "act", "rms", ""])
+#: Types of columns as databases shorten them; beside a date, F is a float.
+_DATES, _TYPES = frozenset(["D", "DT", "Date", "date", "DATE", "datetime", "DateTime", "timestamp"]), frozenset("DFISBL")
 #: What a program says of the kinds of the columns, and the rule under the header of a Markdown table.
 _KINDS = frozenset(
     [
@@ -107,6 +109,8 @@ _TYPE_WORDS = frozenset(
         "input type", "fühler", "fühlertyp", "sensortyp", "thermoelement", "传感器", "センサ",
     ]
 )  # fmt: skip
+#: What such a line tells of one channel.
+_PROBES = re.compile(r"(?i)(?:(?:typ|type|tc)?[ -]?[bcejknrst]|pt[ -]?\d+|rtd|ntc|ptc|-+|)$")
 ROWS_ABOVE = 6
 
 
@@ -261,6 +265,8 @@ def _layout(
             (i for i in range(first - 1, -1, -1) if lines[i][:1] in COMMENT and len(header_cells(lines[i], delimiter)) == width),
             None,
         )
+        if header is not None and delimiter == " " and any(c.endswith(":") for c in header_cells(lines[header], delimiter)):
+            header = None  # "# rig: spindle 7" is a remark of as many words
     if labels is not None and not units:
         units = (labels,)
     if header is not None and not units:
@@ -369,7 +375,7 @@ def _begins_as_data(cells: list[str], decimal: str) -> bool:
 
 def is_unit_line(cells: list[str]) -> bool:
     """Whether half of the cells of a line or more are units."""
-    if says(cells, _TYPE_WORDS):
+    if says(cells, _TYPE_WORDS) or _are_types(cells):
         return False  # Sensor,K,K,J: thermocouples, no kelvin
     told = [c.strip() for c in cells if c.strip()]
     known = sum(parse_unit(c) is not None or bool(_FORM.match(c)) for c in told)
@@ -385,8 +391,15 @@ def _repeats_units(cells: list[str], above: list[str]) -> bool:
     return len({cells[i].strip() for i in places}) < len(places) and len(set(names)) == len(names) and all(names)
 
 
+def _are_types(cells: list[str]) -> bool:
+    """Whether cells are the types of columns of which the first is a date: D,F,F,F of a database, where F is a float."""
+    first, *rest = (c.strip() for c in cells)
+    return first in _DATES and bool(rest) and all(c in _TYPES or c.lower() in _KINDS for c in rest)
+
+
 def is_process_line(cells: list[str]) -> bool:
     """Whether cells say how readings were made (Avg, Max) or of which kind they are."""
     told = [c.strip().lower() for c in cells]
     known = all(c in _PROCESS for c in told) or all(not c or c in _KINDS or _RULE.match(c) for c in told)
+    known = known or _are_types(cells) or (says(cells, _TYPE_WORDS) and all(_PROBES.match(c) for c in told[1:]))
     return known and sum(map(bool, told)) >= 0.5 * len(cells)

@@ -128,7 +128,7 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     notes = [dialect.describe(), *notes, *told_notes]
     unit_of = {n: u or carried.get(n, "") for n, u in zip(names, units, strict=True)}
     comments = [line for line in head[dialect.data_line :] if line[:1] in "#%"]
-    above = unit_above([*head[: dialect.header_line or 0], *comments])
+    above = unit_above([*head[: dialect.data_line if dialect.header_line is None else dialect.header_line], *comments])
     named = dialect.header_line is not None
     again = tuple(dialect.data_line + i for i in headers)
     return Table(name, names, columns, unit_of, at, tuple(notes), faults, tuple(guesses), named, dialect, above, (), again)

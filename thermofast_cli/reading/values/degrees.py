@@ -25,6 +25,10 @@ ROOM_K = (278.0, 318.0)
 ROOM_TENTHS, MOST_MILLI = (130.0, 350.0), 200_000.0
 #: A room in degF.
 ROOM_F = (55.0, 95.0)
+#: Machines begin warmer [degF]: below, the letter F alone may stand for a place or a type, as in "Bearing (F)" or D,F,F,F.
+COLDEST_F = 40.0
+#: How far apart [degF] a room in degC and machines in degF that are as cold as it begin at most.
+BESIDE_ROOM_F = 5.0
 #: A name and the letter that ends it, which may be a unit or a place.
 ENDS = re.compile(r"(.*[A-Za-z0-9][ _]|[Tt]\d*)([A-Za-z])\d*")
 #: How far apart such columns begin at most where they are a cold machine's in degF, and how many there are at least.
@@ -61,6 +65,11 @@ class Temperatures:
         self._tenths = False
         self._cold: list[str] = []
         self._overruled: dict[str, list[str]] = {}
+        #: Columns with a unit of their own that --units, said of all, leaves them.
+        self.own_unit: list[str] = []
+        self._room: float | None = None
+        # Said of all it is meant for those without a unit, and puts one right only where all have one.
+        self._all_say = self._all is not None and all(self._says_another(n, "") for n in names)
         self._channels = frozenset(options.channels)
         self._small: list[str] = []
         self._sign_told = options.decimal is not None or table.dialect is None
@@ -77,12 +86,10 @@ class Temperatures:
         """
         if not is_input and not self._sign_told and _may_be_thousands(values, f"{self._table.name}, column {name!r}"):
             self._small.append(name)
-        told = self._own.get(name, self._all)
+        told = self._own.get(name) or self._of_all(name, values)
         symbol, scale = (told.symbol, told.scale) if told is not None else (None, 1.0)
-        if symbol is not None:
-            unit = sign_of(name, self._units.get(name, "")).unit
-            if unit is not None and unit.temperature and unit.sure and unit.symbol != symbol:
-                self._overruled.setdefault(symbol, []).append(name)
+        if symbol is not None and self._says_another(name, symbol):
+            self._overruled.setdefault(symbol, []).append(name)
         if symbol is None:
             sign = sign_of(name, self._units.get(name, ""))
             unit = sign.unit
@@ -93,6 +100,8 @@ class Temperatures:
                     symbol = None
                 elif symbol != "C":
                     self._by_letter.setdefault(symbol, []).append(name)
+            if not is_input:
+                self._refuse_place(name, values)
             if symbol == "K" and not (np.isfinite(values).any() and float(np.nanmedian(values)) > COLDEST_K):
                 symbol = "C"
                 if not is_input:
@@ -107,9 +116,46 @@ class Temperatures:
                 self._plausible(name, values, sign.kind == "ambient")
         if scale != 1.0:
             self._scaled.setdefault(scale, []).append(name)
+        self._note_room(name, values, symbol)
         if symbol in TURNED:
             self._turned.setdefault(symbol, []).append(name)
         return to_celsius(values, symbol or "C", scale)
+
+    def _note_room(self, name: str, values: Array, symbol: str | None) -> None:
+        begins = values[np.isfinite(values)][:1]
+        if symbol == "C" and len(begins) and sign_of(name, self._units.get(name, "")).kind == "ambient":
+            self._room = float(begins[0])
+
+    def _says_another(self, name: str, symbol: str) -> bool:
+        """Whether a column surely has a unit of temperature of its own that is not `symbol`."""
+        unit = sign_of(name, self._units.get(name, "")).unit
+        return unit is not None and unit.temperature and unit.sure and unit.symbol != symbol
+
+    def _of_all(self, name: str, values: Array) -> Unit | None:
+        """The unit that all sensors are said to have, where this column has none of its own beside others without."""
+        own = self._all is not None and self._says_another(name, self._all.symbol)
+        if self._all is None or self._all_say or not own or self._place_begins(name, values) is not None:
+            return self._all
+        self.own_unit.append(name)
+        return None
+
+    def _place_begins(self, name: str, values: Array) -> float | None:
+        """Where a column under a bare F begins, if colder than any machine in degF; else None."""
+        unit, begins = sign_of(name, self._units.get(name, "")).unit, values[np.isfinite(values)][:3]
+        first = float(np.median(begins)) if len(begins) else COLDEST_F
+        return first if unit is not None and unit.letter and unit.symbol == "F" and first < COLDEST_F else None
+
+    def _refuse_place(self, name: str, values: Array) -> None:
+        """Raises InputError for a column under a bare F that begins colder than any machine in degF."""
+        first = self._place_begins(name, values)
+        if first is not None:
+            cold = (first - 32.0) / 1.8
+            raise InputError(
+                f"{self._table.name}: the unit of column {name!r} cannot be told",
+                found=f"F, and a beginning at {first:.4g}: {cold:.3g} degC in degF; a place (front), a type (float)?",
+                allowed="a unit with its sign, as in 'T [°F]' or 'T [°C]'",
+                do="say --units C, or F",
+            )
 
     def _is_place(self, name: str) -> bool:
         """Whether T_F stands beside T_R, so that its letter is a place."""
@@ -169,20 +215,28 @@ class Temperatures:
         """What was turned into degC."""
         told = [f"{listed(who, 6)}: {TURNED[s]}, turned into degC" for s, who in self._turned.items()]
         told += [f"{listed(who, 6)}: readings times {size:g}, as the unit says" for size, who in self._scaled.items()]
-        return told + [f"--units {s} overrules what the file says of {listed(who, 6)}" for s, who in self._overruled.items()]
+        told += [f"--units {s} overrules what the file says of {listed(who, 6)}" for s, who in self._overruled.items()]
+        if self.own_unit:
+            told.append(f"--units is for those without a unit: {listed(self.own_unit, 6)} kept its own; COLUMN=UNIT says another")
+        return told
 
     def guesses(self) -> list[Guess]:
         """What had to be guessed of the units.
 
         Raises
         ------
-        InputError: no column has a unit, and all begin within one kelvin, at a room in degF, and rise.
+        InputError: no column has a unit, and all begin within one kelvin at a room in degF, or at that of a room in degC, and rise.
         """
         low, high = min(self._begin, default=0.0), max(self._begin, default=0.0)
-        if len(self._begin) == self._count >= FEWEST_EVEN and high - low <= EVEN_F:
+        even = len(self._begin) == self._count >= FEWEST_EVEN and high - low <= EVEN_F
+        room = None if self._room is None else 1.8 * self._room + 32.0
+        beside = bool(self._begin) and room is not None and room - BESIDE_ROOM_F < low <= high < room + BESIDE_ROOM_F
+        if even or beside:
+            who = f"all {len(self._begin)}" if even else f"{len(self._begin)} that"
+            where = f"in degF beside a room of {self._room:.4g} degC" if beside else "in a room in degF"
             raise InputError(
                 f"{self._table.name}: the unit of its temperatures cannot be told",
-                found=f"all {self._count} begin at {low:.4g} to {high:.4g}: in a room in degF, or as evenly hot in degC",
+                found=f"{who} begin at {low:.4g} to {high:.4g}: {where}, or as evenly hot in degC",
                 allowed="a unit in the names, as in 'T [F]', or a unit line",
                 do="say --units F or C",
             )

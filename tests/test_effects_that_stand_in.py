@@ -1,0 +1,95 @@
+"""Models whose effects stand for something else: what they say of the machine's next run is not taken from them."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import thermofast as tf
+from thermofast.discovery import improve
+from thermofast.learning.foretold import Foretold
+from thermofast.learning.past import run_learnt_from
+from thermofast.learning.rise import rises_of
+from thermofast.models import Observations
+from thermofast.models.effects import NeighbourHeat
+from thermofast.models.joint import fit_model
+from thermofast.models.search.candidates import try_add
+
+RISES, FAST, SLOW, PART = (30.0, 22.0, 15.0), 25.0, 250.0, 0.4
+MINUTES = np.arange(0.0, 501.0, 1.0)
+
+
+def _noisy(clean, seed):
+    return np.round(clean + 0.03 * np.random.default_rng(seed).standard_normal(len(clean)), 2)
+
+
+def _with_slow_part(load, seed):
+    """Three sensors of which two fifths come as slowly as a column does."""
+    law = (1.0 - PART) * -np.expm1(-MINUTES / FAST) + PART * -np.expm1(-MINUTES / SLOW)
+    columns = {f"T{i + 1}": _noisy(20.0 + load * rise * law, [seed, i]) for i, rise in enumerate(RISES)}
+    return tf.read({"time_min": MINUTES, **columns}, name=f"run{seed}")
+
+
+def _in_a_room(seed):
+    """Three sensors in a logged room that becomes 2 K warmer over the run."""
+    room, columns = np.linspace(0.0, 2.0, len(MINUTES)), {}
+    for i, (rise, tau) in enumerate(zip(RISES, (45.0, 55.0, 65.0), strict=True)):
+        slope = 2.0 / MINUTES[-1]
+        follows = slope * (MINUTES + tau * np.expm1(-MINUTES / tau))  # the answer of one exponential to a ramp
+        columns[f"T{i + 1}"] = _noisy(20.0 + rise * -np.expm1(-MINUTES / tau) + follows, [seed, i])
+    return tf.read({"time_min": MINUTES, **columns, "ambient": _noisy(20.0 + room, [seed, 9])}, name=f"run{seed}")
+
+
+def test_effects_that_miss_the_end_of_their_own_run_give_way_to_its_shape():
+    improved = tf.improve(_with_slow_part(1.0, 1), add=["neighbour_heat"])
+    assert improved.model.file.past.without_effects
+    assert "from its first part these effects do not foretell the end of the very run" in improved[-1].message
+    told = tf.identify(_with_slow_part(1.2, 2), until=60, model=improved.model)
+    assert all("its effects are left out here" in r.message for r in told)
+    assert all(r.steady_state_lo_c < 20.0 + 1.2 * rise < r.steady_state_hi_c for r, rise in zip(told, RISES, strict=True))
+
+
+def test_effects_that_are_the_machine_stay():
+    improved = tf.improve(_with_slow_part(1.0, 1), add=["second_mode"])
+    assert not improved.model.file.past.without_effects
+    assert "do not foretell" not in improved[-1].message
+    told = tf.identify(_with_slow_part(1.2, 2), until=60, model=improved.model)
+    for r, rise in zip(told, RISES, strict=True):
+        assert r.steady_state_lo_c < 20.0 + 1.2 * rise < r.steady_state_hi_c
+        assert r.steady_state_hi_c - r.steady_state_lo_c < 0.2 * rise
+
+
+def test_effects_that_miss_it_by_less_widen_what_is_said_by_them(monkeypatch):
+    by_itself = tf.improve(_with_slow_part(1.0, 1), add=["second_mode"]).model.file.past.factors
+    monkeypatch.setattr(improve, "from_first_part", lambda *_: Foretold(False, 1.5))
+    wider = tf.improve(_with_slow_part(1.0, 1), add=["second_mode"], jobs=1).model.file.past.factors
+    assert np.array(wider) == pytest.approx(np.array(by_itself) * [1.0, 1.5], rel=1e-4)
+
+
+@pytest.mark.parametrize(("effect", "left_out"), [("second_mode", True), ("ambient", False)])
+def test_effects_learnt_beside_a_logged_room_that_moved_hold_its_part(effect, left_out):
+    improved = tf.improve(_in_a_room(3), add=[effect])
+    assert improved.model.file.past.without_effects is left_out
+    assert ("the logged surroundings moved and are in none of these effects" in improved[-1].message) is left_out
+
+
+def test_what_is_linked_may_go_slower_together():
+    """Where the neighbours are slower than in the run learnt from, and where they were read last, they end higher."""
+    time = np.arange(0.0, 61.0, 1.0)
+
+    def slope(_, y):
+        between = 0.03 * (y[0] - y[1])
+        return [0.6 - (y[0] - 20.0) / 50.0 - between, 0.05 - (y[1] - 20.0) / 70.0 + between]
+
+    body = solve_ivp(slope, (0.0, 60.0), [20.0, 20.0], t_eval=time, rtol=1e-9, atol=1e-9).y
+    body = body + 0.02 * np.random.default_rng(4).standard_normal(body.shape)
+    seen = Observations("run", ("T1", "T2"), time, body, np.ones((2, 61)), np.full(2, 0.02), np.zeros(2))
+    found = try_add(fit_model(seen), NeighbourHeat())
+    assert found is not None
+    rises = [rises_of(found.fit, seen, stretch=size) for size in (0.0, 0.03, 0.06)]
+    for channel in seen.channels:
+        none, half, whole = (r[channel].doubt for r in rises)
+        assert len(half) == len(whole) == len(none) + 1
+        assert whole[: len(none)] == pytest.approx(none)
+        assert half[-1, -1] > 0.0
+        assert whole[-1, -1] == pytest.approx(2.0 * half[-1, -1], rel=0.1)
+    assert run_learnt_from(found.fit).rises.keys() == set(seen.channels)
