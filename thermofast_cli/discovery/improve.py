@@ -18,7 +18,7 @@ from thermofast.models.search.judge import least_p, sensor_p_values
 from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError
-from ..learning.foretold import as_the_machine_goes, from_first_part
+from ..learning.foretold import as_the_machine_goes, from_first_part, with_rest
 from ..learning.heat_law import HeatLaw, heat_law
 from ..learning.past import learnt_past, room_left_out, run_learnt_from
 from ..machine.modelfile import ModelFile, model_file, past_entry
@@ -295,6 +295,7 @@ def _learnt(task: LoopTask, prepared: Ready, steps: list[Step]) -> tuple[ModelFi
     room = room_left_out(last)
     if not by.shape and not room:
         kept = replace(past, factors=tuple((turn, by.wider * factor) for turn, factor in past.factors))
+        kept = with_rest(kept, learnt_past([bare]))
         return msgspec.structs.replace(learnt, past=past_entry(kept)), []
     entry = past_entry(learnt_past([bare]), True, tuple(dict.fromkeys(events.values())))
     why = "from its first part these effects do not foretell the end of the very run"

@@ -19,7 +19,7 @@ from thermofast.models.search.rules import RULES
 from thermofast.models.uncertainty.pooled import Pooled, fit_known, fit_together, pool
 
 from ..errors import rounded
-from ..learning.foretold import as_the_machine_goes, from_first_part
+from ..learning.foretold import as_the_machine_goes, from_first_part, with_rest
 from ..learning.past import learnt_past, run_learnt_from
 from ..machine.modelfile import learnt_from, model_file, past_entry, refuse_copies
 from ..observing.task import LoopTask, ahead_errors, as_told, check_inputs, ids_of, parameters_of, pooled
@@ -277,7 +277,8 @@ def _told(
         as_of = [as_the_machine_goes(stages[0].fits[k], last.fits[k], runs[k].prepared, runs[k].task, events) for k in plain]
         bare = [past_run for past_run, _ in as_of]
         by = from_first_part(learnt, [own for _, own in as_of], bare)
-        kept = learnt_past(bare) if by.shape else replace(past, factors=tuple((t, by.wider * f) for t, f in past.factors))
+        wider = replace(past, factors=tuple((t, by.wider * f) for t, f in past.factors))
+        kept = learnt_past(bare) if by.shape else with_rest(wider, learnt_past(bare))
         came = tuple(events.values()) if by.shape else ()
         learnt = msgspec.structs.replace(learnt, past=past_entry(kept, by.shape, came))
         told = "the shape of the other runs foretells a run better from its first part than the effects: identify uses it"

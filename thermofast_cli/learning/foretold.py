@@ -81,6 +81,21 @@ def from_first_part(file: ModelFile, tasks: Sequence[LoopTask], plain: Sequence[
     return Foretold(worse, float(np.clip(off, 1.0, WIDEST)))
 
 
+def with_rest(past: Past, bare: Past) -> Past:
+    """The past by a model that leaves a pattern, with what the readings of its runs alone, the bare ones, left open of their end: its
+    effects tell no more of that than they.
+    """
+    shapes = dict(past.shapes)
+    for channel in past.unexplained:
+        own, plain = past.shapes[channel], bare.shapes.get(channel)
+        if plain is not None and plain.rest is not None:
+            by = float(np.exp(own.log_rate - plain.log_rate))  # a rest's times are in time constants
+            rest = plain.rest
+            of_own = replace(rest, soonest=by * rest.soonest, latest=by * rest.latest, length=by * rest.length)
+            shapes[channel] = replace(own, rest=of_own)
+    return replace(past, shapes=shapes)
+
+
 def as_the_machine_goes(base: Fit, fit: Fit, prepared: Ready, task: LoopTask, events: Collection[int]) -> tuple[PastRun, LoopTask]:
     """A run as the base model has it, without what probes of a `fit` show that is not their object's, a drift or a jump, and
     without events (parts of the fit) that are only this run's; and the task with its run as it would have been.
