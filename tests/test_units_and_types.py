@@ -119,6 +119,15 @@ def test_a_scale_in_words(line, unit):
     assert unit_above([line]) == unit
 
 
+def test_a_scope_export_that_begins_with_its_file(tmp_path):
+    head = ["Name\tScope Project", "File\tD:\\scope\\warmup.svdx", "StartTime\t133548777200000000\t14.03.2024 08:15:20", ""]
+    head += ["Name\tT_front\tName\tT_rear", "SampleTime[ms]\t60000\tSampleTime[ms]\t60000", "Unit\t°C\tUnit\t°C", ""]
+    clock = [1000 * s for s in SECONDS]
+    run = _read(tmp_path, head, (clock, COLD, clock, COLD), "\t")
+    assert [n.split(" ")[0] for n in run.channels] == ["T_front", "T_rear"]
+    assert run.time_s[-1] == 60.0 * 39
+
+
 def test_a_controllers_tag_in_front_says_nothing():
     assert sign_of("[PLC]T_Front", "").kind == sign_of("T_Front", "").kind == "sensor"
     assert sign_of("[°C]", "").unit is not None

@@ -1,10 +1,10 @@
 """A model whose effects stand for something else, learnt from one complete run: do its limits hold in the next one?
 
-python -m benchmarks.unlike_parts.stand_in [--each 8] [--seed 660000] prints, for rows of four to six bodies by an ODE solver (losses
-that grow with the 1.0th to 1.25th power of the temperature; a heavy column at the end; a logged room that becomes 2 K warmer):
-`improve --add` of an effect that is at best part of the truth, from a run of eight hours, and of the rows of `identify --model` on
-the first hour of a run at 0.7 to 0.8 or 1.2 to 1.3 times the load how many are `ok`, how many of those hold the limit in the room of
-that hour, and how wide they are; and the same of a model without effects.
+python -m benchmarks.unlike_parts.stand_in [--each 8] [--seed 660000] prints, for rows of four to six bodies by an ODE solver
+(losses that grow with the 1.0th to 1.25th power of the temperature; a heavy column at the end; a logged room that becomes 2 K
+warmer): `improve --add` of an effect that is at best part of the truth, from a run of eight hours, and of the rows of
+`identify --model` on the first hour of a run at 0.7 to 0.8 or 1.2 to 1.3 times the load how many are `ok`, how many of those hold
+the limit in the room of that hour, and how wide they are; and the same of a model without effects.
 """
 
 import argparse

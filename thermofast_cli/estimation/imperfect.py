@@ -259,7 +259,13 @@ def _let_go(
         one.known[:] &= ~one.let_go
         one.other_rise[:] &= one.known
         if any(shape.rest is not None for shape in past.shapes.values()):
-            _with_rest(c, one, own, m & one.known & (~one.other_rise | bool(past.unexplained)), [past.shapes.get(name(int(r))) for r in c.sensors.rows])
+            _with_rest(
+                c,
+                one,
+                own,
+                m & one.known & (~one.other_rise | bool(past.unexplained)),
+                [past.shapes.get(name(int(r))) for r in c.sensors.rows],
+            )
         if past.unreached:
             share = np.array([past.unreached.get(name(int(r)), 0.0) for r in c.sensors.rows])
             _with_unreached(c, one, own, m & one.known, share)

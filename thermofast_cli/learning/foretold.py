@@ -82,8 +82,8 @@ def from_first_part(file: ModelFile, tasks: Sequence[LoopTask], plain: Sequence[
 
 
 def with_rest(past: Past, bare: Past) -> Past:
-    """The past by a model that leaves a pattern, with what the readings of its runs alone, the bare ones, left open of their end: its
-    effects tell no more of that than they.
+    """The past by a model that leaves a pattern, with what the readings of its runs alone, as the base model has them, left open of
+    their end: its effects tell no more of that than they.
     """
     shapes = dict(past.shapes)
     for channel in past.unexplained:

@@ -225,8 +225,8 @@ def draw_sweep(results: "Sequence[Swept]") -> Any:
             if record.best_time_min is not None:
                 axis.plot(record.best_time_min, record.rmse_c, "o", ms=4, color=colour)
         first = result.records[0]
-        if first.shortest_time_min is not None:
-            axis.axvline(first.shortest_time_min, color=MARK, lw=1, ls="--", label="shortest time")
+        if first.shortest_time_min is not None and first.agreed and first.status == "ok":
+            axis.axvline(first.shortest_time_min, color=MARK, lw=1, ls="--", label="shortest time that serves")
         axis.set_title(f"{Path(first.run).name}: {first.channel}" if several else first.channel)
         axis.set_xlabel("identification time, min")
         axis.set_ylabel("RMSE over the window, K")

@@ -74,9 +74,7 @@ def write_sheets(path: str, sheets: Sequence[Sheet]) -> None:
             drawings += sheet.drawings
         if drawings:
             drawn = book.add_worksheet("charts")
-            drawn.set_landscape()
-            drawn.set_paper(9)  # A4
-            drawn.fit_to_pages(1, 0)
+            _for_paper(drawn)
             drawn.set_h_pagebreaks([2 * DOWN * (k + 1) for k in range(len(drawings) // (2 * ACROSS))])
             for k, drawing in enumerate(drawings):
                 drawn.insert_chart(DOWN * (k // ACROSS), OVER * (k % ACROSS), _chart(book, drawing))
@@ -104,6 +102,13 @@ def _summary(result: "Result[Any]", rows: Sequence[dict[str, Any]], made: Mappin
     return Sheet("summary", ["what", "said"], lines)
 
 
+def _for_paper(page: Any) -> None:
+    """As wide as a page, however many there are below each other."""
+    page.set_landscape()
+    page.set_paper(9)  # A4
+    page.fit_to_pages(1, 0)
+
+
 def _write(page: Any, sheet: Sheet, head: Any, fills: dict[str, Any], shown: dict[str, Any]) -> None:
     for column, title in enumerate(sheet.columns):
         page.write_string(0, column, title, head)
@@ -119,6 +124,8 @@ def _write(page: Any, sheet: Sheet, head: Any, fills: dict[str, Any], shown: dic
         # A column of records that says nothing is folded away, not left out: a table keeps its columns.
         empty = status is not None and not any(_said(row[column]) for row in sheet.rows)
         page.set_column(column, column, min(max(longest + 1, NARROW), WIDE), shown.get(unit_of(title)), {"hidden": empty})
+    _for_paper(page)
+    page.repeat_rows(0)
     page.freeze_panes(1, min(2, len(sheet.columns)) if status is not None else 0)
     if sheet.rows and status is not None:
         page.autofilter(0, 0, len(sheet.rows), len(sheet.columns) - 1)

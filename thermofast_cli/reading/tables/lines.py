@@ -24,7 +24,7 @@ _SEGMENT_HEAD = re.compile(
 )
 _SEGMENT_END = b"***End_of_Header***"
 #: What the first lines of an export say, whatever the language of the machine.
-_EXPORT = re.compile(rb"Name[\t;, ][^\n]*\n(?:[^\n]*\n){0,3}?Starttime of export")
+_EXPORT = re.compile(rb"Name[\t;, ][^\n]*\n(?:[^\n]*\n){0,3}?(?:Starttime of export|StartTime[\t;,])")
 _NAMES = re.compile(rb"(?m)^Name([\t;,])")
 
 #: Share of the usual number of separators from which on a line is a row of readings by itself.
