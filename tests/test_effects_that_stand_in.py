@@ -1,16 +1,20 @@
 """Models whose effects stand for something else: what they say of the machine's next run is not taken from them."""
 
+from dataclasses import replace
+
+import msgspec
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import thermofast as tf
 from thermofast.discovery import improve
-from thermofast.learning.foretold import Foretold
+from thermofast.learning.foretold import Foretold, with_rest
 from thermofast.learning.past import run_learnt_from
 from thermofast.learning.rise import rises_of
 from thermofast.models import Observations
 from thermofast.models.effects import NeighbourHeat
+from thermofast.models.imperfection import Past, Rest, SensorShape
 from thermofast.models.joint import fit_model
 from thermofast.models.search.candidates import try_add
 
@@ -22,11 +26,12 @@ def _noisy(clean, seed):
     return np.round(clean + 0.03 * np.random.default_rng(seed).standard_normal(len(clean)), 2)
 
 
-def _with_slow_part(load, seed):
+def _with_slow_part(load, seed, slow=SLOW, until=500.0):
     """Three sensors of which two fifths come as slowly as a column does."""
-    law = (1.0 - PART) * -np.expm1(-MINUTES / FAST) + PART * -np.expm1(-MINUTES / SLOW)
+    minutes = np.arange(0.0, until + 1.0, 1.0)
+    law = (1.0 - PART) * -np.expm1(-minutes / FAST) + PART * -np.expm1(-minutes / slow)
     columns = {f"T{i + 1}": _noisy(20.0 + load * rise * law, [seed, i]) for i, rise in enumerate(RISES)}
-    return tf.read({"time_min": MINUTES, **columns}, name=f"run{seed}")
+    return tf.read({"time_min": minutes, **columns}, name=f"run{seed}")
 
 
 def _in_a_room(seed):
@@ -63,6 +68,30 @@ def test_effects_that_miss_it_by_less_widen_what_is_said_by_them(monkeypatch):
     monkeypatch.setattr(improve, "from_first_part", lambda *_: Foretold(False, 1.5))
     wider = tf.improve(_with_slow_part(1.0, 1), add=["second_mode"], jobs=1).model.file.past.factors
     assert np.array(wider) == pytest.approx(np.array(by_itself) * [1.0, 1.5], rel=1e-4)
+
+
+def test_a_model_that_leaves_a_pattern_knows_no_more_of_the_end_than_its_readings():
+    """Of a run that broke off long before its slow part had come: the limit of the next one is as open."""
+    model = tf.improve(_with_slow_part(1.0, 1, 600.0, 240.0), add=["nonlinear_loss"]).model
+    past = model.file.past
+    assert past.unexplained == ("T1", "T2", "T3")
+    assert all(s.rest for s in past.shapes)
+    closed = tuple(msgspec.structs.replace(s, rest=()) for s in past.shapes)
+    file = msgspec.structs.replace(model.file, past=msgspec.structs.replace(past, shapes=closed))
+    first = _with_slow_part(1.2, 2, 600.0, 100.0)
+    as_open, as_told = (tf.identify(first, model=m) for m in (model, replace(model, file=file)))
+    for a, b in zip(as_open, as_told, strict=True):
+        assert a.steady_state_c == pytest.approx(b.steady_state_c)
+        assert a.steady_state_hi_c > b.steady_state_hi_c
+        assert "what it was learnt from may have ended early" in a.message
+
+
+def test_what_a_rest_says_in_time_constants_is_of_the_models_own_rates():
+    shape = SensorShape(np.log(0.02), 0.1, np.zeros(1), np.eye(1), rest=Rest(0.1, 0.3, 2.0, 9.0, 4.0))
+    own = replace(shape, log_rate=np.log(0.04), rest=None)
+    found = with_rest(Past({"T1": own, "T2": own}, 1, unexplained=("T1",)), Past({"T1": shape, "T2": shape}, 1))
+    assert found.shapes["T2"].rest is None
+    assert found.shapes["T1"].rest == Rest(0.1, 0.3, pytest.approx(4.0), pytest.approx(18.0), pytest.approx(8.0))
 
 
 @pytest.mark.parametrize(("effect", "left_out"), [("second_mode", True), ("ambient", False)])

@@ -58,6 +58,11 @@ def test_identify_has_a_summary_the_records_the_curves_and_a_chart_of_each_senso
     assert [label in drawn[0] for label in ("identification time", "95 % of the rise")] == [True, True]
     assert "identification time" not in drawn[1]
     assert found["curves"][0][7:11] == ["T8 time min", "T8 measured degC", "T8 residual K", "T8 model time min"]
+    # Every sheet is as wide as a page of paper, and repeats its head on each.
+    pages = [re.search(r"<pageSetup [^>]*>", page)[0] for page in inside(path, r"sheets/sheet\d")]
+    assert len(pages) == 5
+    assert all('orientation="landscape"' in page and 'fitToHeight="0"' in page for page in pages)
+    assert inside(path, r"^xl/workbook.xml")[0].count("_xlnm.Print_Titles") == 4
 
 
 @pytest.mark.parametrize(
