@@ -44,6 +44,7 @@ def test_a_line_of_types_needs_a_date():
     assert not is_process_line(["d", "F", "F"])  # days
     assert is_process_line(["Sensor", "J", "Typ K", "Pt100"])
     assert not is_process_line(["Sensor", "front", "rear"])
+    assert not is_unit_line([])
 
 
 @pytest.mark.parametrize("head", [["Time (s),Bearing (F),T2 [C]"], ["Time,front,rear", "C,F,F"], ["Time,a,b", "Filter,F,F"]])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermofast.models import averaging_window, bridged, difference_noise, spike_weights, third_difference_noise
-from thermofast.models.imperfection import Imperfection, Part, Past, Rates, SensorShape, Settled, pilot, settle
+from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Rest, Settled, pilot, settle
 from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
 from thermofast.models.uncertainty.companions import all_before, faster, halves, moved_since, rest_of_warm, slow_parts, went_back
@@ -259,13 +259,8 @@ def _let_go(
         one.known[:] &= ~one.let_go
         one.other_rise[:] &= one.known
         if any(shape.rest is not None for shape in past.shapes.values()):
-            _with_rest(
-                c,
-                one,
-                own,
-                m & one.known & (~one.other_rise | bool(past.unexplained)),
-                [past.shapes.get(name(int(r))) for r in c.sensors.rows],
-            )
+            rests = [getattr(past.shapes.get(name(int(r))), "rest", None) for r in c.sensors.rows]
+            _with_rest(c, one, own, m & one.known & (~one.other_rise | bool(past.unexplained)), rests)
         if past.unreached:
             share = np.array([past.unreached.get(name(int(r)), 0.0) for r in c.sensors.rows])
             _with_unreached(c, one, own, m & one.known, share)
@@ -318,16 +313,15 @@ def _with_before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]],
         one.steady[warm, 2] = np.maximum(one.steady[:, 2], one.steady[:, 1] + on)[warm]
 
 
-def _with_rest(c: Closed, one: Claims, own: Claims, members: NDArray[np.bool_], shapes: Sequence[SensorShape | None]) -> None:
+def _with_rest(c: Closed, one: Claims, own: Claims, members: NDArray[np.bool_], rests: Sequence[Rest | None]) -> None:
     """Intervals of the members (S,) reach as far as the readings of past runs alone left open; once more is read than these runs
     were long, no farther than the readings at hand do.
     """
     read = float(c.sensors.time[c.count - 1] - c.sensors.time[0])
     for i in np.flatnonzero(members).tolist():
-        shape = shapes[i]
-        if shape is None or shape.rest is None:
+        if (rest := rests[i]) is None:
             continue
-        rest, rate, middle = shape.rest, float(one.rate[i, 1]), one.steady[i, 1]
+        rate, middle = float(one.rate[i, 1]), one.steady[i, 1]
         rise = middle - c.found.initial[i]
         ends = np.sort([middle - rest.below * rise, middle + rest.above * rise])
         done = np.array([rest.soonest, rest.latest]) / rate

@@ -393,7 +393,7 @@ def _repeats_units(cells: list[str], above: list[str]) -> bool:
 
 def _are_types(cells: list[str]) -> bool:
     """Whether cells are the types of columns of which the first is a date: D,F,F,F of a database, where F is a float."""
-    first, *rest = (c.strip() for c in cells)
+    first, *rest = (c.strip() for c in cells or [""])
     return first in _DATES and bool(rest) and all(c in _TYPES or c.lower() in _KINDS for c in rest)
 
 
