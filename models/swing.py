@@ -36,6 +36,8 @@ ALIKE, GROWN = 0.8, 2.5
 ALSO = 0.5
 #: Share of a swing in every second of its harmonics, or third and so on, from which its period is as much shorter.
 MULTIPLE = 0.95
+#: Shares of a record behind which a swing is looked for that is not in all of it.
+LATER = (0.25, 0.5)
 #: A swing of fewer of the logger's steps (root mean square) is its rounding.
 STEPS = 0.6
 
@@ -67,6 +69,17 @@ class Swing:
         rest = rest - (rest @ basis) @ basis.T
         left = (rest**2).sum(axis=1)
         return bool(left[0] > 0.0 and _explained(x, rest, left, cycles, basis)[0] < ALSO)
+
+
+def later_swing(time: Array, reading: Array, resolution: Array) -> Swing | None:
+    """A swing as of :func:`swing_of` that began later, as of a thermostat that came to its limit; `start` [min] is no earlier."""
+    for share in LATER:
+        begin = time[0] + share * (time[-1] - time[0])
+        late = time >= begin
+        found = swing_of(time[late], reading[:, late], resolution)
+        if found is not None:
+            return found
+    return None
 
 
 def swing_of(time: Array, reading: Array, resolution: Array) -> Swing | None:

@@ -6,7 +6,7 @@ import pytest
 import thermofast as tf
 from thermofast.estimation.measured import steadied
 from thermofast.estimation.sensor import Sensors
-from thermofast.models.swing import _own_period, swing_of
+from thermofast.models.swing import _own_period, later_swing, swing_of
 
 TIME = np.arange(0.0, 120.0, 0.5)
 LAW = 20.0 + 15.0 * (1.0 - np.exp(-TIME / 60.0))
@@ -100,6 +100,21 @@ def test_pictures_show_the_readings_as_they_were_logged_and_what_hides_in_noise_
     assert np.abs(found.reading[0] - LAW).max() < 0.25 < np.abs(reading[0] - LAW).max()
     assert [len(n) for n in found.notes] == [1, 1, 0]
     assert steadied(Sensors(np.arange(1), TIME, reading[2:], np.zeros(1), ((),)), None, 50, None).swung is None
+
+
+def test_a_swing_that_begins_later_is_told_and_left_where_it_is() -> None:
+    """A thermostat that comes to its limit before the middle of the record: nothing is taken out, and the rows say what goes on."""
+    late = np.where(0.45 * TIME[-1] < TIME, _swung(), 0.0)
+    found = later_swing(TIME, _readings(late), np.zeros(2))
+    assert found is not None
+    assert found.start == pytest.approx(0.5 * TIME[-1], abs=1.0)
+    assert later_swing(TIME, _readings(0.0 * late), np.zeros(2)) is None
+    table = {"time_min": TIME} | dict(zip(("front", "rear"), _readings(late), strict=True))
+    said = f"with a period of {found.period:.3g} min from {found.start:.3g} min on at the latest"
+    assert all(said in r.message and "means over its cycle" not in r.message for r in tf.identify(table))
+    sensors = Sensors(np.arange(2), TIME, _readings(late), np.zeros(2), ((),) * 2)
+    assert steadied(sensors, None, 50, None).swung is None
+    assert any(said in r.message for r in tf.diagnose(table, effects=["second_mode"]))
 
 
 def test_a_multiple_of_a_period_is_told_as_the_period() -> None:

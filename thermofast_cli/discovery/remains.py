@@ -7,7 +7,7 @@ from thermofast.models.joint import Fit
 from thermofast.models.noise.spectral import block_means
 from thermofast.models.search.discover import Discovery
 from thermofast.models.search.dominant import misfit, misfit_power
-from thermofast.models.swing import swing_of
+from thermofast.models.swing import later_swing, swing_of
 
 from ..errors import listed, rounded
 from ..observing.task import pooled
@@ -96,6 +96,10 @@ def cycle_of(fit: Fit) -> str:
     run = fit.run
     seen = run.used.all(axis=0)
     found = swing_of(run.time[seen], fit.residual[:, seen], run.resolution)
+    since = ""
+    if found is None and (found := later_swing(run.time[seen], fit.residual[:, seen], run.resolution)) is not None:
+        seen &= run.time >= found.start
+        since = f" from {run.clock[seen][0]:.3g} min on at the latest"
     if found is None:
         return ""
     left, beyond = fit.residual[:, seen], fit.residual[:, seen] - found.at(run.time[seen])
@@ -103,7 +107,7 @@ def cycle_of(fit: Fit) -> str:
     who = [c for c, swings in zip(run.channels, mostly, strict=True) if swings]
     if not who:
         return ""
-    return f"{listed(who)} swing{'s' if len(who) == 1 else ''} with a period of {found.period:.3g} min"
+    return f"{listed(who)} swing{'s' if len(who) == 1 else ''} with a period of {found.period:.3g} min{since}"
 
 
 def _stretch(fit: Fit) -> str:

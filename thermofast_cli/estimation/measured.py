@@ -15,7 +15,7 @@ from thermofast.models.imperfection import lagged
 from thermofast.models.noise.chain import fell_back
 from thermofast.models.noise.spikes import bridged
 from thermofast.models.standards.settled import Passing, without_strays
-from thermofast.models.swing import swing_of
+from thermofast.models.swing import later_swing, swing_of
 from thermofast.models.uncertainty.kinks import kink, moved_most
 from thermofast.models.uncertainty.surroundings import room_ahead
 
@@ -39,26 +39,29 @@ def steadied(sensors: Sensors, until_min: float | None, together: int, room: Arr
     """Sensors without the swing that the readings of the first `until_min` show, which leaves temperatures as means over its cycle.
 
     together: columns of a run that are looked at at once; room (N,) [degC] where it is logged: one that swings alike explains it.
+    One that began later is told, and left where it is.
     """
     n = sensors.until(until_min)
     swings = False
     swung, swing, notes = np.zeros_like(sensors.reading), np.zeros((len(sensors), 2)), list(sensors.notes)
     for group in np.unique(sensors.rows // together).tolist():
         mine = np.flatnonzero(sensors.rows // together == group)
-        found = swing_of(sensors.time[:n], sensors.reading[mine, :n], sensors.resolution[mine])
-        if found is None or (room is not None and found.also_in(sensors.time[:n], room[:n])):
+        given = sensors.time[:n], sensors.reading[mine, :n], sensors.resolution[mine]
+        found = swing_of(*given)
+        told = later_swing(*given) if found is None else found
+        if told is None or (room is not None and told.also_in(sensors.time[:n], room[:n])):
             continue
-        swings = True
-        swung[mine], swing[mine] = found.at(sensors.time), np.stack(found.ends(), axis=1)
-        for k in mine[found.swings].tolist():
-            half = 0.5 * float(swing[k, 1] - swing[k, 0])
-            if half < difference_noise(sensors.reading[k, :n]):
-                continue  # too little to be worth a word
-            period = rounded(found.period, 3)
-            said = f"swings by {rounded(half)} K with a period of {period} min: temperatures are means over its cycle"
-            notes[k] = (*notes[k], said)
+        ends, what = np.stack(told.ends(), axis=1), f"a period of {rounded(told.period, 3)} min"
+        if found is not None:
+            swings, swung[mine], swing[mine] = True, found.at(sensors.time), ends
+            what += ": temperatures are means over its cycle"
+        else:  # what came before is no part of it, and nothing is taken out
+            what += f" from {rounded(told.start, 3)} min on at the latest, as a cooling or a load that goes on and off has it"
+        for k, half in zip(mine[told.swings].tolist(), 0.5 * np.ptp(ends[told.swings], axis=1), strict=True):
+            if half >= difference_noise(sensors.reading[k, :n]):  # else too little to be worth a word
+                notes[k] = (*notes[k], f"swings by {rounded(float(half))} K with {what}")
     if not swings:
-        return sensors
+        return replace(sensors, notes=tuple(notes))
     return replace(sensors, reading=sensors.reading - swung, swung=swung, swing=swing, notes=tuple(notes))
 
 
