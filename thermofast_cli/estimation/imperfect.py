@@ -315,7 +315,7 @@ def _with_before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]],
 
 def _with_rest(c: Closed, one: Claims, own: Claims, members: NDArray[np.bool_], rests: Sequence[Rest | None]) -> None:
     """Intervals of the members (S,) reach as far as the readings of past runs alone left open; once more is read than these runs
-    were long, no farther than the readings at hand do.
+    were long, and where effects tell the rise, no farther than the readings at hand do.
     """
     read = float(c.sensors.time[c.count - 1] - c.sensors.time[0])
     for i in np.flatnonzero(members).tolist():
@@ -325,7 +325,7 @@ def _with_rest(c: Closed, one: Claims, own: Claims, members: NDArray[np.bool_], 
         rise = middle - c.found.initial[i]
         ends = np.sort([middle - rest.below * rise, middle + rest.above * rise])
         done = np.array([rest.soonest, rest.latest]) / rate
-        if read * rate > rest.length:
+        if read * rate > rest.length or one.other_rise[i]:
             ends = np.clip(ends, own.steady[i, 0], own.steady[i, 2])
             done = np.clip(done, own.t95[i, 0], own.t95[i, 2])
         later = np.clip(one.times * rate / rest.length - 1.0, 0.0, 1.0)

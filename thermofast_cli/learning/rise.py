@@ -76,7 +76,7 @@ class _Runs:
     of_held: Array
 
 
-def _of_others(fit: Fit, over: Observations, last: int, stretch: float) -> Array:
+def _of_others(fit: Fit, over: Observations, last: int, stretch: float = 0.0) -> Array:
     """What each sensor of a record may move (J, S, N) [K] because another one's end is not known, by a deviation each: of one other
     by its own, and of all others together by a `stretch` of their rates.
     """

@@ -111,9 +111,10 @@ def _in_group(cell: str, unit: str, group: str, twice: bool) -> tuple[str, str]:
     """(name, unit) of a column in a group, which has the group's unit in brackets; its name where it would be read alike."""
     if not group or not cell.strip() or group == cell.strip():
         return cell, unit
-    own = parse_unit(_bracketed(group) or group)
+    told = _bracketed(group) or group
+    own = parse_unit(told)
     if not unit and unit_in_name(cell) is None and own is not None:
-        unit = own.symbol
+        unit = told  # with its sign, and of how many it is
     moves = own is None and bool(set(words(group))) and set(words(group)) <= DISPLACEMENTS
     moves = moves or (_tells(group) and sign_of(cell, unit).kind in ("sensor", "named", "nameless"))
     return (f"{group} {cell.strip()}" if twice or moves else cell), unit
