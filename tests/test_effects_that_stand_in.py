@@ -10,13 +10,14 @@ from scipy.integrate import solve_ivp
 import thermofast as tf
 from thermofast.discovery import improve
 from thermofast.learning.foretold import Foretold, with_rest
-from thermofast.learning.past import run_learnt_from
+from thermofast.learning.past import knowledge, run_learnt_from
 from thermofast.learning.rise import rises_of
 from thermofast.models import Observations
 from thermofast.models.effects import NeighbourHeat
 from thermofast.models.imperfection import Past, Rest, SensorShape
 from thermofast.models.joint import fit_model
 from thermofast.models.search.candidates import try_add
+from thermofast.observing.task import LoopTask
 
 RISES, FAST, SLOW, PART = (30.0, 22.0, 15.0), 25.0, 250.0, 0.4
 MINUTES = np.arange(0.0, 501.0, 1.0)
@@ -121,4 +122,17 @@ def test_what_is_linked_may_go_slower_together():
         assert whole[: len(none)] == pytest.approx(none)
         assert half[-1, -1] > 0.0
         assert whole[-1, -1] == pytest.approx(2.0 * half[-1, -1], rel=0.1)
+    # A sensor's own rate is open by itself: the warmer one is moved by way of the other alone, which is linked to it weakly.
+    assert rises[2]["T1"].doubt[-1, -1] < 0.01
     assert run_learnt_from(found.fit).rises.keys() == set(seen.channels)
+
+
+def test_the_rates_of_what_is_linked_scatter_together_in_another_run_alone():
+    first, second = _with_slow_part(1.0, 1), _with_slow_part(1.2, 2)
+    model = tf.improve(first, add=["neighbour_heat"], until=200).model
+    file = msgspec.structs.replace(model.file, past=msgspec.structs.replace(model.file.past, without_effects=False))
+    rows = []
+    for run in (first, second):
+        (told,) = knowledge(LoopTask(run, until_min=60.0, model=replace(model, file=file)))
+        rows.append({len(rise.doubt) for rise in told.past.rises.values()})
+    assert max(rows[1]) == max(rows[0]) + 1

@@ -7,6 +7,7 @@ import thermofast as tf
 from thermofast.reading.signs import sign_of
 from thermofast.reading.tables.dialect import is_process_line, is_unit_line
 from thermofast.reading.units import unit_above
+from thermofast.reading.values.faults import false_first
 
 
 def _read(tmp_path, head, columns, delimiter=",", **options):
@@ -106,6 +107,9 @@ def test_clocks_that_end_at_other_rows_are_each_of_the_columns_beside_them(tmp_p
     housing = next(c for n, c in run.channels.items() if n.startswith("housing"))
     assert np.isfinite(housing).sum() == 7
     assert housing[run.time_s == 360.0][0] == 25.0
+    # Rows without a time between others are to be mended, and no end of a clock.
+    with pytest.raises(tf.InputError, match="without a time"):
+        _read(tmp_path, ["Time fast [s],front [°C],Time slow [s],housing [°C]"], (["0", "", *fast[2:]], COLD, slow, house))
 
 
 def test_remarks_of_as_many_words_as_columns_are_no_names(tmp_path):
@@ -139,3 +143,10 @@ def test_words_of_recorders_are_no_reading(tmp_path, word):
     run = _read(tmp_path, ["Time (s),T1,T2"], (SECONDS, COLD, [word] * 40))
     assert run.channels["T1"][0] == 22.0
     assert not any(np.isfinite(c).any() for n, c in run.channels.items() if n == "T2")
+
+
+def test_a_false_first_reading_is_that_of_its_own_column():
+    rise = 20.0 + 0.1 * np.arange(60.0)
+    false = rise.copy()
+    false[0] = 85.0
+    assert false_first([rise, false, rise]).tolist() == [0, 1, 0]
