@@ -111,10 +111,9 @@ def _in_group(cell: str, unit: str, group: str, twice: bool) -> tuple[str, str]:
     """(name, unit) of a column in a group, which has the group's unit in brackets; its name where it would be read alike."""
     if not group or not cell.strip() or group == cell.strip():
         return cell, unit
-    told = _bracketed(group) or group
-    own = parse_unit(told)
+    own = parse_unit(_bracketed(group) or group)
     if not unit and unit_in_name(cell) is None and own is not None:
-        unit = told  # with its sign, and of how many it is
+        unit = "°F" if own.symbol == "F" and not own.letter else own.symbol  # a bare F may be a place
     moves = own is None and bool(set(words(group))) and set(words(group)) <= DISPLACEMENTS
     moves = moves or (_tells(group) and sign_of(cell, unit).kind in ("sensor", "named", "nameless"))
     return (f"{group} {cell.strip()}" if twice or moves else cell), unit
