@@ -298,6 +298,6 @@ def _learnt(task: LoopTask, prepared: Ready, steps: list[Step]) -> tuple[ModelFi
         kept = with_rest(kept, learnt_past([bare]))
         return msgspec.structs.replace(learnt, past=past_entry(kept)), []
     entry = past_entry(learnt_past([bare]), True, tuple(dict.fromkeys(events.values())))
-    why = "from its first part these effects do not foretell the end of the very run"
-    why = "the logged surroundings moved and are in none of these effects, which hold their part, too" if room else why
+    missed = "from its first part these effects do not foretell the end of the very run"
+    why = "the logged surroundings moved and are in none of these effects, which hold their part, too" if room else missed
     return msgspec.structs.replace(learnt, past=entry), [f"{why}: identify uses the shape of its rise instead"]
