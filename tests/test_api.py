@@ -236,8 +236,15 @@ def test_results_can_be_looked_at_saved_and_drawn(told, tmp_path):
     with pytest.raises(tf.UsageError, match="cannot tell the format"):
         told.save(tmp_path / "out.doc")
     html = told._repr_html_()
-    assert "<table" in html
-    assert "T10" in html
+    glance, whole = html.split("<details>")
+    assert glance.count("<tr>") == 11
+    assert "settles, degC" in glance
+    assert "steady_state_c" not in glance
+    assert "steady_state_c" in whole
+    assert "T10" in glance
+    head = (tmp_path / "out.md").read_text().splitlines()[0]
+    assert "| steady_state_c |" in head
+    assert "criterion" not in head  # nothing was asked, so every cell would be empty
     figure = told.plot(tmp_path / "a.png")
     assert figure is not None
     assert (tmp_path / "a.png").stat().st_size > 20_000

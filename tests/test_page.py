@@ -15,9 +15,9 @@ from benchmarks.scale.accessibility import BROWSER, in_browser
 from thermofast.output.report.charts import Series, charts_of, drawn_of, extremes
 from thermofast.output.report.charts import _needed_heat as needed_heat
 from thermofast.output.report.figures import figures_of
+from thermofast.output.report.glance import glance_page as glance
 from thermofast.output.report.page import _cell as page_cell
 from thermofast.output.report.page import _chance as chance
-from thermofast.output.report.page import _glance as glance
 from thermofast.output.report.page import page_of
 from thermofast.output.report.verdicts import verdict_of
 from thermofast.output.report.words import interval_words, run_names

@@ -265,6 +265,18 @@ def test_moments_without_signs_and_clocks_with_a_point_are_moments(tmp_path, for
     np.testing.assert_allclose(tf.read(path, time_format=form).time_s, run.time_s)
 
 
+def test_moments_of_fourteen_digits_are_the_time_whatever_their_column_is_called(tmp_path):
+    rows = [f"{m:%Y%m%d%H%M%S},{t},{r}" for m, t, r in zip(MOMENTS, FRONT, ROOM, strict=True)]
+    run = tf.read(_file(tmp_path, "TS,T1 [°C],Room [°C]", rows))
+    np.testing.assert_allclose(run.time_s, 60.0 * np.arange(150.0))
+    assert list(run.channels) == ["T1 [°C]"]
+    backwards = [*rows[:70], rows[71], rows[70], *rows[72:]]
+    counted = [f"{20240314081520 + k},{t},{r}" for k, (t, r) in enumerate(zip(FRONT, ROOM, strict=True))]  # an 80th second comes
+    for strange in (backwards, counted):
+        with pytest.raises(tf.InputError, match="no time column"):
+            tf.read(_file(tmp_path, "TS,T1 [°C],Room [°C]", strange))
+
+
 def test_numbers_that_count_stay_numbers():
     """Seconds since 1970, milliseconds, decimal hours and minutes that start at nought."""
     assert compact(1.77e9 + 60.0 * np.arange(150.0)) is None

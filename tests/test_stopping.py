@@ -328,6 +328,8 @@ def test_a_rule_is_foretold_with_the_power_held_and_not_beside_other_paces():
     for name, value in (("limit", "30"), ("limit", math.nan), ("switch_off_at", -math.inf), ("room", math.nan), ("at", True)):
         with pytest.raises(tf.UsageError, match=f"{name}: not a number in its range"):
             tf.identify(run, until=90, **{name: value})
+    with pytest.raises(tf.UsageError, match="allowed: 1e-09 to 1e\\+07 min"):
+        tf.identify(run, until=-5)
 
 
 def test_a_rule_changes_nothing_of_a_row_but_when_it_holds():

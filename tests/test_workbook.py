@@ -130,6 +130,14 @@ def test_columns_that_say_nothing_are_hidden_and_numbers_are_shown_short(tmp_pat
     assert columns.index("trip_min") + 1 in hidden
     assert columns.index("steady_state_c") + 1 not in hidden
     assert 'formatCode="0.000"' in style
+    # So are the columns of curves, by the unit that ends their names.
+    tables = sheets(path)
+    curves = inside(path, r"worksheets/sheet4")[0]
+    styles = {int(n): int(k) for n, k in re.findall(r'<col min="(\d+)"[^>]*style="(\d+)"', curves)}
+    formats = dict(re.findall(r'numFmtId="(\d+)" formatCode="([^"]+)"', style))
+    used = re.findall(r'<xf numFmtId="(\d+)"', style.split("<cellXfs")[1])
+    shown = {name: formats.get(used[styles[k]], "0.00") for k, name in enumerate(tables["curves"][0], 1) if k in styles}
+    assert (shown["T1 time min"], shown["T1 measured degC"], shown["T1 residual K"]) == ("0.0", "0.00", "0.000")
 
 
 def test_the_summary_says_whose_message_it_is(tmp_path):

@@ -281,6 +281,14 @@ RANGES: dict[str, tuple[float, float]] = {
     "offset": (0.0, 1e7),
     "jitter": (0.0, 1e7),
 }
+#: In which unit they are.
+UNITS = {
+    **dict.fromkeys(("until", "at", "switch_off_at", "start", "give_up", "duration", "t95"), "min"),
+    **dict.fromkeys(("room", "limit", "ambient"), "degC"),
+    **dict.fromkeys(("rise", "noise", "step", "tolerance", "offset"), "K"),
+    "poll": "s",
+    "interval": "s",
+}
 #: Those of them that count.
 WHOLE = frozenset({"seed", "sensors"})
 
@@ -298,5 +306,6 @@ def in_range(ranges: Mapping[str, tuple[float, float]] = RANGES, /, **numbers: f
         number = isinstance(value, kinds) and not isinstance(value, bool)
         if value is not None and not (number and low <= float(value) <= high):
             whole = "a whole number, " if name in WHOLE else ""
-            raise UsageError(f"{name}: not a number in its range", found=repr(value), allowed=f"{whole}{low:g} to {high:g}")
+            unit = f" {UNITS[name]}" if name in UNITS else ""
+            raise UsageError(f"{name}: not a number in its range", found=repr(value), allowed=f"{whole}{low:g} to {high:g}{unit}")
     return [value if value is None or name in WHOLE else float(value) for name, value in numbers.items()]

@@ -50,8 +50,6 @@ if TYPE_CHECKING:
 
 
 R = TypeVar("R", bound=Row, covariant=True)  # what a result holds
-#: Rows that a notebook shows of a result: the first and the last of more.
-SHOWN_ROWS = 60
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -209,9 +207,10 @@ class Result(Generic[R]):
         write_table(str(path), self.command, self.kind.columns(), self.rows(), self.input(), excel_csv)
 
     def _repr_html_(self) -> str:
-        """For a notebook: the table without columns that are empty throughout; names stay text."""
-        frame = self.to_frame().replace("", None).dropna(axis=1, how="all")
-        return str(frame.to_html(index=False, float_format=lambda v: f"{v:.4g}", escape=True, na_rep="", max_rows=SHOWN_ROWS))
+        """For a notebook: the answer in a few columns, or the table without columns that are empty throughout."""
+        from .output.report.glance import notebook_html
+
+        return notebook_html(self)
 
 
 def _drawn(figure: "Figure | None", path: str | Path | None) -> "Figure | None":

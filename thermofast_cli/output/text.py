@@ -77,9 +77,11 @@ def _jsonable(row: Row) -> Row:
 
 
 def to_markdown(columns: Sequence[str], rows: Sequence[Row]) -> str:
-    """A table with numbers to five digits: for reading, not for computing."""
+    """A table with numbers to five digits, without columns that are empty throughout: for reading, not for computing."""
+    told = {c: [_as_text(short(row[c])) for row in rows] for c in columns}
+    columns = [c for c in columns if any(told[c])] or columns
     lines = ["| " + " | ".join(columns) + " |", "|" + " --- |" * len(columns)]
-    lines += ["| " + " | ".join(_as_text(short(row[c])) for c in columns) + " |" for row in rows]
+    lines += ["| " + " | ".join(told[c][k] for c in columns) + " |" for k in range(len(rows))]
     return "\n".join(lines) + "\n"
 
 

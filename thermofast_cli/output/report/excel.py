@@ -123,7 +123,8 @@ def _write(page: Any, sheet: Sheet, head: Any, fills: dict[str, Any], shown: dic
         longest = max([len(title) // 2, *(len(_shown(row[column])) for row in sheet.rows[:200])], default=NARROW)
         # A column of records that says nothing is folded away, not left out: a table keeps its columns.
         empty = status is not None and not any(_said(row[column]) for row in sheet.rows)
-        page.set_column(column, column, min(max(longest + 1, NARROW), WIDE), shown.get(unit_of(title)), {"hidden": empty})
+        unit = unit_of(title) or title.rpartition(" ")[2]  # the columns of a curve end with theirs
+        page.set_column(column, column, min(max(longest + 1, NARROW), WIDE), shown.get(unit), {"hidden": empty})
     _for_paper(page)
     page.repeat_rows(0)
     page.freeze_panes(1, min(2, len(sheet.columns)) if status is not None else 0)

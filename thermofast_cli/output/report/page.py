@@ -4,7 +4,6 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from datetime import date
-from html import escape as escaped
 from importlib.resources import files
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -12,14 +11,13 @@ from typing import TYPE_CHECKING, Any
 from ..meanings import meaning_of, unit_of
 from ..text import plain
 from .figures import figures_of
+from .glance import GLANCED, glance_page
 from .verdicts import verdict_of
-from .words import interval_words, run_names, value_words
+from .words import TURNING, escape, run_names, status_cell, value_words
 
 if TYPE_CHECKING:
     from ...results import Result
 
-#: Statuses that need a second look; the others but ``ok`` are failures.
-DOUBT = ("not_determined", "model_doubtful", "partly_explained")
 #: Characters from which a cell is broken into lines.
 LONG = 40
 #: Characters from which a cell is folded.
@@ -28,14 +26,6 @@ FOLDED = 240
 POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 )
-
-#: Signs that turn the direction of what follows, also of words that are not the name's.
-TURNING = dict.fromkeys([*range(0x202A, 0x202F), *range(0x2066, 0x206A), 0x200E, 0x200F, 0x061C])
-
-
-def escape(text: str, quote: bool = True) -> str:
-    """Text that stays text, and in its own direction."""
-    return escaped(text.translate(TURNING), quote)
 
 
 def page_of(result: "Result[Any]", made: Mapping[str, str] = MappingProxyType({})) -> str:
@@ -56,7 +46,7 @@ def page_of(result: "Result[Any]", made: Mapping[str, str] = MappingProxyType({}
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f'<title>{escape(title)}</title><link rel="icon" href="data:,"><style>{style}</style></head><body><main>',
         f'<h1>{escape(title)}</h1><div class="verdict">{verdict}</div>',
-        _glance(rows, called) if result.command in ("identify", "watch") else "",
+        glance_page(rows, called) if result.command in GLANCED else "",
         _figures(charts),
         _ranking(rows) if result.command == "diagnose" else "",
         _table(list(result.kind.columns()), rows, called),
@@ -69,34 +59,6 @@ def page_of(result: "Result[Any]", made: Mapping[str, str] = MappingProxyType({}
 def _inert(text: str) -> str:
     """JSON inside a script element: nothing in it ends the element."""
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-
-
-#: What a reader asks first of a prediction: heading, column, its interval, digits.
-GLANCE = (
-    ("settles, degC", "steady_state_c", ("steady_state_lo_c", "steady_state_hi_c"), 2),
-    ("95 % done after, min", "t95_min", ("t95_lo_min", "t95_hi_min"), 0),
-    ("still to go, min", "time_to_go_min", ("time_to_go_lo_min", "time_to_go_hi_min"), 0),
-)
-#: Sensors up to which there is such a table.
-MOST_GLANCED = 60
-
-
-def _glance(rows: Sequence[dict[str, Any]], called: Mapping[str, str]) -> str:
-    """The answer for each sensor in a few columns, as wide as a phone or a sheet of paper."""
-    if len(rows) > MOST_GLANCED:
-        return ""
-    heads = "".join(f"<th>{heading}</th><th>95 % interval</th>" for heading, *_ in GLANCE)
-    lines = []
-    for row in rows:
-        cells = []
-        for _, column, ends, digits in GLANCE:
-            told = ("", "") if row[column] is None else (f"{row[column]:.{digits}f}", interval_words(row, ends, digits))
-            cells += [f'<td class="number">{text}</td>' for text in told]
-        name = row["channel"] if len(called) < 2 else f"{called[row['run']]} {row['channel']}"
-        lines.append(f'<tr><th scope="row" class="who">{escape(name)}</th>{"".join(cells)}{_cell("status", row["status"])}</tr>')
-    region = '<div class="wide" tabindex="0" role="region" aria-label="At a glance">'
-    head = f'<thead><tr><th class="who">sensor</th>{heads}<th>status</th></tr></thead>'
-    return f"<h2>At a glance</h2>{region}<table>{head}<tbody>{''.join(lines)}</tbody></table></div>"
 
 
 def _figures(charts: Sequence[dict[str, Any]]) -> str:
@@ -216,7 +178,7 @@ def _cell(column: str, value: Any) -> str:
             return f'<td class=long data-value="{escape(whole, quote=True)}">{escape(words)}</td>'
         return _folded(f"{len(value)} entries" if len(value) > 1 else "1 entry", whole, words)
     if column == "status":
-        return f'<td class="{"ok" if value == "ok" else "doubt" if value in DOUBT else "failed"}">{escape(value)}</td>'
+        return status_cell(value)
     if len(value) > FOLDED:
         return _folded(f"{value[:LONG]} ...", value)
     return f"<td{_who(column) or (' class=long' if len(value) > LONG else '')}>{escape(value)}</td>"

@@ -3,8 +3,19 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from html import escape as escaped
 from pathlib import Path
 from typing import Any
+
+#: Statuses that need a second look; the others but ``ok`` are failures.
+DOUBT = ("not_determined", "model_doubtful", "partly_explained")
+#: Signs that turn the direction of what follows, also of words that are not the name's.
+TURNING = dict.fromkeys([*range(0x202A, 0x202F), *range(0x2066, 0x206A), 0x200E, 0x200F, 0x061C])
+
+
+def escape(text: str, quote: bool = True) -> str:
+    """Text that stays text, and in its own direction."""
+    return escaped(text.translate(TURNING), quote)
 
 
 def run_names(runs: Iterable[str]) -> dict[str, str]:
@@ -52,3 +63,9 @@ def _parameter(name: str, told: dict[str, Any]) -> str:
     beside = f" ± {error:.2g}" if isinstance(error, float) and math.isfinite(error) else ""
     value = f"{told['value']:.6g}" if isinstance(told["value"], int | float) else str(told["value"])
     return f"{name} = {value}{beside}{f' {unit}' if unit not in ('', '1') else ''}"
+
+
+def status_cell(status: str) -> str:
+    """A cell of a table that shows at a glance how far to trust its row."""
+    kind = "ok" if status == "ok" else "doubt" if status in DOUBT else "failed"
+    return f'<td class="{kind}">{escape(status)}</td>'

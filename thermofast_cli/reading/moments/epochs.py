@@ -39,6 +39,16 @@ def is_date_number(column: Array | list[str]) -> bool:
     return isinstance(column, np.ndarray) and bool(np.isfinite(column).all() and column.min() >= 1.9e7 and column.max() < 2.2e7)
 
 
+def are_moments(column: Array) -> bool:
+    """Whether the numbers (n,) can be nothing but moments: YYYYMMDDhhmmss from 2000 to 2059, each later than the one before."""
+    if not (len(column) > 1 and column.min() >= 2.0e13 and column.max() < 2.06e13 and (np.diff(column) > 0.0).all()):
+        return False
+    try:
+        return all(datetime.strptime(f"{v:.0f}", "%Y%m%d%H%M%S") for v in column.tolist())
+    except ValueError:
+        return False
+
+
 def epoch_of(values: Array) -> str | None:
     """Unit in which all numbers are moments between 2000 and 2100: s, ms, us, ns, or None."""
     good = values[np.isfinite(values)]

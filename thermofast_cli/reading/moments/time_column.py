@@ -12,7 +12,7 @@ from ..table import Table
 from ..units import unit_in_name
 from ..values.time_units import unit_of
 from ..vocabulary import TIME, TIME_NAMES, TIME_PARTS, TIME_UNITS, words
-from .epochs import epoch_of, is_date_number, of_archive
+from .epochs import are_moments, epoch_of, is_date_number, of_archive
 from .stamps import looks_like_stamp, plain
 
 #: The time of a curve, as panels write it beside its ValueY.
@@ -61,6 +61,7 @@ def time_column(table: Table) -> Found | None:
         or columns.by_name()
         or columns.first_of_no_name()
         or columns.by_unit()
+        or columns.by_moments()
     )
 
 
@@ -193,6 +194,11 @@ class _TimeColumns:
         written = set(chain.from_iterable(TIME_UNITS.values()))
         going = [n for n in self.numeric if self.table.units.get(n, "").strip("[]() ").lower() in written]
         going = [n for n in going if (np.diff(self._values(n)) > 0).all()]
+        return (going[0], None) if len(going) == 1 else None
+
+    def by_moments(self) -> Found | None:
+        """The one column of moments without signs (20240314081520) that go on, whatever it is called."""
+        going = [n for n in self.numeric if are_moments(self._values(n))]
         return (going[0], None) if len(going) == 1 else None
 
     def _values(self, name: str) -> Array:
