@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 import thermofast as tf
 from benchmarks.discovery.dominant import BACKGROUND, judge, runs_of
 from benchmarks.machines import bar
-from thermofast.estimation.imperfect import NOT_LIKELIER
+from thermofast.estimation.estimate import NOT_LIKELIER
 from thermofast.models.coloured import fit_disturbed
 from thermofast.models.effects import BUILT_IN
 from thermofast.models.joint import LEVEL, RATE, START, fit_model

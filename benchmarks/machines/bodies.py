@@ -13,7 +13,8 @@ running for so many times to 63 %.
 rod, foot, far: a bar of 40 nodes heated at one end, with a heavy foot at the other, or looked at along its whole length. spindle:
 two bearings, shaft, housings, headstock and column; viscous: its friction falls as it warms; preload: it grows with what the shaft
 is warmer than the housing; warm: it was run and rested before; swing: in a room that nobody logs and that goes up and down. oven:
-radiation and convection. coolant: a reservoir that warms slowly. motor: winding, core, housing, flange and bench.
+radiation and convection. coolant: a reservoir that warms slowly. motor: winding, core, housing, flange and bench. bed: a housing
+with its bearings on a cast bed that has a sensor too.
 """
 
 import argparse
@@ -204,9 +205,20 @@ def motor(rng: np.random.Generator, kind: str) -> Bodies:
     return Bodies(capacity, links, loss, heat, [0, 2, 4, 5, 1], lambda _: room, room, u(1.0, 1.25))
 
 
+def bed(rng: np.random.Generator, kind: str) -> Bodies:
+    """0, 1 bearings, 2, 3, 4 housing along its axis, 5 the bed that it stands on."""
+    u = rng.uniform
+    capacity = np.array([u(600, 1500), u(600, 1500), *(u(6e3, 2e4) for _ in range(3)), u(4e4, 1.6e5)])
+    pairs = [(0, 2, u(8, 25)), (1, 4, u(8, 25)), (2, 3, u(5, 25)), (3, 4, u(5, 25))]
+    links = linked(6, *pairs, *((i, 5, u(0.3, 2.5)) for i in (2, 3, 4)))
+    loss = np.array([0.0, 0.0, *(u(1.0, 4.0) for _ in range(3)), u(2, 8)])
+    power, room = np.array([u(50.0, 150.0), u(50.0, 150.0), 0, 0, 0, 0]), u(17.0, 25.0)
+    return Bodies(capacity, links, loss, lambda _: power, [0, 2, 3, 4, 5], lambda _: room, room, u(1.0, 1.25))
+
+
 KINDS = dict.fromkeys(("rod", "foot", "far"), rod)
 KINDS |= dict.fromkeys(("spindle", "viscous", "preload", "warm", "swing"), spindle)
-KINDS |= {"oven": oven, "coolant": coolant, "motor": motor}
+KINDS |= {"oven": oven, "coolant": coolant, "motor": motor, "bed": bed}
 
 
 @dataclass(frozen=True)

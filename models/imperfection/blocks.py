@@ -1,6 +1,6 @@
 """Means of readings over blocks: the discrepancy is smooth, so a dozen of them say what thousands of readings say."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,15 @@ class Part:
     log_rate: Array | None = None
     known: Known | None = None
     averaged: int = 1
+
+    def some(self, keep: NDArray[np.bool_]) -> "Part":
+        """The part with those sensors (s,) alone."""
+        if keep.all():
+            return self
+        log_rate = None if self.log_rate is None else self.log_rate[keep]
+        return replace(
+            self, reading=self.reading[keep], noise=self.noise[keep], resolution=self.resolution[keep], log_rate=log_rate
+        )
 
 
 @dataclass(frozen=True)

@@ -111,6 +111,35 @@ def slow_parts(early: Array, late: Array, error: Array, span: Array) -> NDArray[
         return np.asarray((way * moved > MOVED * np.abs(moved[most])) & (rate < SLOW * fast) & (fast > 0.0))
 
 
+def slow_paces(of: Sequence[tuple[Array, Array, Array]]) -> list[Array]:
+    """How fast (S,) [K/min] the :func:`slow_parts` of blocks (time (n,), readings (S, n), noise (S,)) go on, nan of the others."""
+    some = [block for block in of if len(block[1])]
+    if not some:
+        return [np.zeros(0) for _ in of]
+    early, late, error = (np.concatenate(part) for part in zip(*(halves(*block) for block in some), strict=True))
+    span = np.concatenate([np.full(len(reading), time[-1] - time[0]) for time, reading, _ in some])
+    pace = np.where(slow_parts(early, late, error, span), late / (0.5 * span), np.nan)
+    return np.split(pace, np.cumsum([len(reading) for _, reading, _ in of])[:-1])
+
+
+def still_ahead(moved: Array, ahead: Array, unknown: NDArray[np.bool_], pace: Array, most: float) -> tuple[float, float]:
+    """(how far [K], at which rate [1/min]) that sensor goes on, of those (S,) that have a pace, which may go farthest.
+
+    moved, ahead (S,) [K] are how far each has gone and has still to go, pace (S,) [K/min] how fast it does; where that is not
+    known, it may come as far as `most` [K].
+    """
+    far = np.abs(np.nan_to_num(ahead))
+    far = np.where(unknown | ~np.isfinite(ahead), np.maximum(far, most - np.abs(moved)), far)
+    k = int(np.where(np.isfinite(pace), far, -1.0).argmax())
+    return float(np.sign(pace[k]) * far[k]), float(abs(pace[k]) / max(far[k], 1e-9))
+
+
+def settled_beside(share: Array, rate: float) -> Array:
+    """When (S,) [min] 95 % are done of a rise that is over, to which a slow part adds such a share (S,) of it at `rate` [1/min]."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.maximum(np.log(share / (0.05 * (1.0 + share))), 0.0) / rate)
+
+
 def risen_before(first: Array, last: Array, coolest: float) -> Array:
     """How much warmer (S,) [K] than the coolest, another sensor or the room [degC], sensors were where the record begins.
 

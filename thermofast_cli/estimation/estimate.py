@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from thermofast.models import Interval, Lump, PrintedLump, growth, growth_slope, interval
 from thermofast.models.arrow import covariance_root
+from thermofast.models.imperfection import Past
 from thermofast.models.uncertainty.first_passage import Pace, TimeToGo, clock_time, time_to_go
 
 from ..errors import rounded
 from .measured import contradiction
+from .rules import RULES
 
 Array = NDArray[np.float64]
 
@@ -22,6 +24,12 @@ AHEAD, DRAWN = 9, 30
 #: The same of a rise with corners, which a logged column or an event gives it.
 CORNERED = 32
 Model = Lump | PrintedLump
+#: What is said where a drive, effects that a search chose or past runs are not counted, because the readings contradict them.
+NOT_FOLLOWED = "the readings do not follow the drive or the effects added, and they are not counted"
+NOT_LIKELIER = "what was found makes the readings hardly likelier than a machine's usual disturbances do, and is not counted"
+NOT_SURE = "what was found is not sure, and not counted where the law holds without it"
+NOT_THIS_RUN = "past runs of this machine do not fit this one and are not counted"
+NOT_YET = "; so early the intervals reach to what they say, too"
 #: Residuals over the range of the readings from which on a filter's state is none; one that forgets may miss what was long ago.
 LOST = 1e6
 
@@ -354,3 +362,27 @@ def times_asked(
         times.append(at_min)
     asked = np.unique(np.round(times, 9)) if times else np.zeros(0)
     return asked, np.array([t in over for t in asked.tolist()], dtype=bool)
+
+
+def says_more(own: Claims, one: Claims, found: Estimates) -> NDArray[np.bool_]:
+    """Sensors of which the law says more than what is not sure does, with no likely effect beside it that may still do much."""
+    with np.errstate(invalid="ignore"):
+        ahead = np.abs(own.steady[:, ::2] - found.state[:, :1]).max(axis=1)
+        done = ahead <= RULES.done * np.abs(own.steady[:, 1] - found.initial)
+        narrower = np.ptp(own.steady[:, ::2], axis=1) < np.ptp(one.steady[:, ::2], axis=1)
+        return np.asarray(narrower & (done | ~(own.strong > RULES.strong)))
+
+
+def why_let_go(past: Past | None, read_min: float) -> str:
+    """What is said of a sensor whose past was let go after so long [min]."""
+    if past is None or not past.guessed:
+        early = past is not None and read_min < RULES.past_until * past.time_constant
+        return NOT_THIS_RUN + (NOT_YET if early else "")
+    if past.unsure:
+        return NOT_SURE
+    return NOT_LIKELIER if past.searched else NOT_FOLLOWED
+
+
+def without_past(notes: Sequence[str]) -> list[str]:
+    """Notes of a sensor whose past was let go: nothing was identified with it, and what was found was not added."""
+    return [n.replace(" added, which", " found, which") for n in notes if not n.startswith(("with ", "by "))]

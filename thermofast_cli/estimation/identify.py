@@ -19,8 +19,8 @@ from ..records.columns import Column, Records, Same, numbers_of
 from ..standards.stopping import Trips, columns_of, trips_of
 from .closing import estimates_of, track_of, tracks_of, tracks_together
 from .curves import Curves, curves_of, drawn_to, trace_columns
-from .estimate import Claims, Estimates, FilterError, lost, remaining, said_of_slow, times_asked
-from .imperfect import Closed, claims, together_of, why_let_go, without_past
+from .estimate import Claims, Estimates, FilterError, lost, remaining, said_of_slow, times_asked, why_let_go, without_past
+from .imperfect import Closed, claims, together_of
 from .measured import (
     against_claims,
     begun_as_read,

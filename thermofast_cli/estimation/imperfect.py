@@ -14,28 +14,31 @@ from thermofast.models import averaging_window, bridged, difference_noise, spike
 from thermofast.models.imperfection import Imperfection, Part, Past, Rates, Rest, Settled, pilot, settle
 from thermofast.models.noise.chain import originals
 from thermofast.models.standards import Criterion
-from thermofast.models.uncertainty.companions import all_before, faster, halves, moved_since, rest_of_warm, slow_parts, went_back
+from thermofast.models.uncertainty.companions import (
+    all_before,
+    faster,
+    moved_since,
+    rest_of_warm,
+    settled_beside,
+    slow_paces,
+    still_ahead,
+    went_back,
+)
 from thermofast.models.uncertainty.surroundings import room_paths
 
 from ..standards.stopping import DRAWS, Rule, asked_ahead, foretold_trips, hides
-from .estimate import Claims, Estimates, none_yet
+from .estimate import Claims, Estimates, none_yet, says_more
 from .measured import began
 from .rules import RULES
 from .sensor import Sensors, left_at_end
 
 Array = NDArray[np.float64]
+Masks = Sequence[NDArray[np.bool_]]
 
 #: Sensors that share what they say: columns of a run in their order.
 GROUP = 50
 #: Names of sensors that a row lists before it counts the rest.
 NAMED = 6
-
-#: What is said where a drive, effects that a search chose or past runs are not counted, because the readings contradict them.
-NOT_FOLLOWED = "the readings do not follow the drive or the effects added, and they are not counted"
-NOT_LIKELIER = "what was found makes the readings hardly likelier than a machine's usual disturbances do, and is not counted"
-NOT_SURE = "what was found is not sure, and not counted where the law holds without it"
-NOT_THIS_RUN = "past runs of this machine do not fit this one and are not counted"
-NOT_YET = "; so early the intervals reach to what they say, too"
 
 
 @dataclass(frozen=True)
@@ -102,10 +105,13 @@ def claims(
         # What has hardly moved may be far behind the others: that it is as fast as they is no guess to begin with.
         moved, most = _moved(closed, members)
         little = [a & (m < RULES.behind * most) & (rates == "auto") for a, m in zip(alone, moved, strict=True)]
-        beside = prior.beside_slow() if _slow_seen(closed, members) else prior
+        slow = _slow_seen(closed, members)
+        beside = prior.beside_slow() if any(np.isfinite(pace).any() for pace in slow) else prior
         _claim(closed, [a & ~m for a, m in zip(alone, little, strict=True)], empty, beside, rates, name, criterion=criterion)
         _claim(closed, little, empty, prior, "own", name, criterion=criterion)
         _with_before(closed, alone, empty)
+        if not (prior.none or prior.rarely_strong):
+            _with_slow(closed, alone, slow, empty)
         if past is not None and not past.guessed:
             _with_past(closed, members, empty, by_past, past)
         _mark_behind(closed, members, empty)
@@ -115,7 +121,7 @@ def claims(
     return [Claims(**{**vars(e), "shared_with": tuple(e.shared_with)}) for e in empty]
 
 
-def _mark_changes(left: Sequence[NDArray[np.intp]], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
+def _mark_changes(left: Sequence[NDArray[np.intp]], members: Masks, into: Sequence[Claims]) -> None:
     """Marks the sensors of a group whose last readings are a change: several in a row, or those of several sensors at once."""
     gone = sum(int((row[mine] > 0).sum()) for row, mine in zip(left, members, strict=True))
     together = gone >= max(2.0, RULES.changed_share * sum(int(mine.sum()) for mine in members))
@@ -123,24 +129,43 @@ def _mark_changes(left: Sequence[NDArray[np.intp]], members: Sequence[NDArray[np
         one.left_last[:] = np.where(mine & (row >= (1 if together else RULES.last_alone)), row, one.left_last)
 
 
-def _moved(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> tuple[list[Array], float]:
+def _moved(closed: Sequence[Closed], members: Masks) -> tuple[list[Array], float]:
     """How far the sensors of each block have moved (S,) [K], and how far that one of the members which moved most."""
     moved = [np.abs(c.found.state[:, 0] - c.found.initial) for c in closed]
     return moved, max((float(m[mine].max()) for m, mine in zip(moved, members, strict=True) if mine.any()), default=0.0)
 
 
-def _slow_seen(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> bool:
-    """Whether a member of a group is a slow part that still takes heat, beside others that are fast."""
-    of = [(c, mine, c.sensors.time[: c.count]) for c, mine in zip(closed, members, strict=True) if mine.any()]
-    if not of:
-        return False
-    found = [halves(time, c.sensors.reading[mine, : c.count], c.found.noise[mine]) for c, mine, time in of]
-    span = np.concatenate([np.full(int(mine.sum()), time[-1] - time[0]) for _, mine, time in of])
-    early, late, error = (np.concatenate(part) for part in zip(*found, strict=True))
-    return bool(slow_parts(early, late, error, span).any())
+def _slow_seen(closed: Sequence[Closed], members: Masks) -> list[Array]:
+    """How fast (S,) [K/min] those members of a group go on that are slow parts beside fast ones, nan of the rest."""
+    seen = [np.full(len(mine), np.nan) for mine in members]
+    of = [
+        (c.sensors.time[: c.count], c.sensors.reading[m, : c.count], c.found.noise[m]) for c, m in zip(closed, members, strict=True)
+    ]
+    for into, mine, pace in zip(seen, members, slow_paces(of), strict=True):
+        into[mine] = pace
+    return seen
 
 
-def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
+def _with_slow(closed: Sequence[Closed], members: Masks, slow: Sequence[Array], into: Sequence[Claims]) -> None:
+    """Intervals of members (S,) reach on by a share of how far the slow part that has most before it may go, at its pace."""
+    quick = [m & np.isnan(pace) & np.isfinite(one.steady[:, 1]) for m, pace, one in zip(members, slow, into, strict=True)]
+    if not (any(np.isfinite(pace).any() for pace in slow) and any(q.any() for q in quick)):
+        return
+    rise = [one.steady[:, 1] - c.found.initial for c, one in zip(closed, into, strict=True)]
+    most = RULES.slow_open * float(np.median(np.abs(np.concatenate([r[q] for r, q in zip(rise, quick, strict=True)]))))
+    moved = [c.found.state[:, 0] - c.found.initial for c in closed]
+    ahead, unknown = [r - m for r, m in zip(rise, moved, strict=True)], np.concatenate([one.open_limit for one in into])
+    far, rate = still_ahead(np.concatenate(moved), np.concatenate(ahead), unknown, np.concatenate(slow), most)
+    more, side, beyond = RULES.slow_share * far, 2 if far > 0.0 else 0, np.fmax if far > 0.0 else np.fmin
+    for c, those, own, one in zip(closed, quick, rise, into, strict=True):
+        last = float(c.sensors.time[c.count - 1] - c.sensors.time[0])
+        coming = more * -np.expm1(-rate * np.maximum(one.times - last, 0.0))
+        steady, at = beyond(one.steady[:, side], one.steady[:, 1] + more), beyond(one.at[:, :, side], one.at[:, :, 1] + coming)
+        late = np.fmax(one.t95[:, 2], last + settled_beside(np.abs(more / own), rate))
+        one.steady[those, side], one.at[those, :, side], one.t95[those, 2] = steady[those], at[those], late[those]
+
+
+def _mark_behind(closed: Sequence[Closed], members: Masks, into: Sequence[Claims]) -> None:
     """Marks the sensors of a group to which the heat has hardly come yet, as the others move: what they do by then says little.
 
     So it does of one that moves the other way, still warm from another day, or did so at first: by the slowest of the others
@@ -173,7 +198,7 @@ def _mark_behind(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]],
         one.behind[:] = np.where(mine & against & ~one.known, -back / max(most, 1e-9), one.behind)
 
 
-def _mark_early(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims], learnt: bool) -> None:
+def _mark_early(closed: Sequence[Closed], members: Masks, into: Sequence[Claims], learnt: bool) -> None:
     """Marks the sensors of a group whose record is too short for the slow parts behind quick ones, as windings in their oil.
 
     Until then one exponential is all that there is; where past runs are counted (learnt), these have told. In a machine that is
@@ -188,7 +213,7 @@ def _mark_early(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], 
         one.early[:] = np.where(mine & one.held & (read < shows) & ~(one.known & learnt), shows, one.early)
 
 
-def _mark_settled(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims], learnt: bool) -> None:
+def _mark_settled(closed: Sequence[Closed], members: Masks, into: Sequence[Claims], learnt: bool) -> None:
     """Marks the sensors of a group that are said to have settled, against what the others or their own later readings say.
 
     learnt: what is known of some is from past runs, in which they may have been as fast.
@@ -213,7 +238,7 @@ def _mark_settled(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]
 
 def _let_go(
     closed: Sequence[Closed],
-    members: Sequence[NDArray[np.bool_]],
+    members: Masks,
     told: Sequence[Claims],
     prior: Imperfection,
     rates: Rates,
@@ -253,7 +278,7 @@ def _let_go(
         if not past.guessed:
             one.let_go[:] |= m & (likelier > RULES.contradicted)
         if past.unsure:
-            one.let_go[:] |= m & (own.check_p >= RULES.unfit) & _says_more(own, one, c.found)
+            one.let_go[:] |= m & (own.check_p >= RULES.unfit) & says_more(own, one, c.found)
         if past.searched == "each":
             one.let_go[:] |= m & (likelier > -RULES.searched_each)
         one.known[:] &= ~one.let_go
@@ -269,18 +294,9 @@ def _let_go(
             one.as_fast[m & one.known] = off if other else np.nan
 
 
-def _says_more(own: Claims, one: Claims, found: Estimates) -> NDArray[np.bool_]:
-    """Sensors of which the law says more than what is not sure does, and no effect beside it is likely that may still do much."""
-    with np.errstate(invalid="ignore"):
-        ahead = np.abs(own.steady[:, ::2] - found.state[:, :1]).max(axis=1)
-        done = ahead <= RULES.done * np.abs(own.steady[:, 1] - found.initial)
-        narrower = np.ptp(own.steady[:, ::2], axis=1) < np.ptp(one.steady[:, ::2], axis=1)
-        return np.asarray(narrower & (done | ~(own.strong > RULES.strong)))
-
-
 def _with_past(
     closed: Sequence[Closed],
-    members: Sequence[NDArray[np.bool_]],
+    members: Masks,
     into: Sequence[Claims],
     by_past: Sequence[Claims],
     past: Past,
@@ -293,7 +309,7 @@ def _with_past(
             _at_least(one, learnt, mine & one.let_go & learnt.held)
 
 
-def _before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> list[Array]:
+def _before(closed: Sequence[Closed], members: Masks) -> list[Array]:
     """How much warmer (S,) [K] the sensors of each block were where the record begins than the coolest of them, or the room.
 
     A quick part has risen before the law of all begins: where that law says that one was warm, its first readings must, too.
@@ -304,7 +320,7 @@ def _before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]]) -> l
     return all_before([began(c.found, c.sensors) for c in closed], last, members, rooms) if as_read else by_law
 
 
-def _with_before(closed: Sequence[Closed], members: Sequence[NDArray[np.bool_]], into: Sequence[Claims]) -> None:
+def _with_before(closed: Sequence[Closed], members: Masks, into: Sequence[Claims]) -> None:
     """Limits of members (S,) that were warm where the record begins reach on, as those of one from the beginning would."""
     for c, mine, one, before in zip(closed, members, into, _before(closed, members), strict=True):
         first, minutes = c.found.initial, float(c.sensors.time[c.count - 1] - c.sensors.time[0])
@@ -355,7 +371,7 @@ def _at_least(one: Claims, other: Claims, members: NDArray[np.bool_]) -> None:
 
 def _claim(
     closed: Sequence[Closed],
-    members: Sequence[NDArray[np.bool_]],
+    members: Masks,
     into: Sequence[Claims],
     prior: Imperfection,
     rates: Rates,
@@ -399,15 +415,8 @@ def _once(parts: Sequence[Part]) -> tuple[list[Part], NDArray[np.intp]]:
     first = originals([reading for part in parts for reading in part.reading])
     keep = first == np.arange(len(first))
     ends = np.cumsum([len(part.reading) for part in parts])[:-1]
-    once = [_some(part, mine) for part, mine in zip(parts, np.split(keep, ends), strict=True) if mine.any()]
+    once = [part.some(mine) for part, mine in zip(parts, np.split(keep, ends), strict=True) if mine.any()]
     return once, (np.cumsum(keep) - 1)[first]
-
-
-def _some(part: Part, keep: NDArray[np.bool_]) -> Part:
-    if keep.all():
-        return part
-    log_rate = None if part.log_rate is None else part.log_rate[keep]
-    return replace(part, reading=part.reading[keep], noise=part.noise[keep], resolution=part.resolution[keep], log_rate=log_rate)
 
 
 def _trips(
@@ -432,21 +441,6 @@ def _trips(
             drawn.curve[some] += room_paths(part.time, part.room, found.rate[some, 1], at, DRAWS)
         first = some.stop
     return *foretold_trips(criterion, drawn, at, float(time[-1]), hidden), hidden
-
-
-def why_let_go(past: Past | None, read_min: float) -> str:
-    """What is said of a sensor whose past was let go after so long [min]."""
-    if past is None or not past.guessed:
-        early = past is not None and read_min < RULES.past_until * past.time_constant
-        return NOT_THIS_RUN + (NOT_YET if early else "")
-    if past.unsure:
-        return NOT_SURE
-    return NOT_LIKELIER if past.searched else NOT_FOLLOWED
-
-
-def without_past(notes: Sequence[str]) -> list[str]:
-    """Notes of a sensor whose past was let go: nothing was identified with it, and what was found was not added."""
-    return [n.replace(" added, which", " found, which") for n in notes if not n.startswith(("with ", "by "))]
 
 
 def _part(closed: Closed, rows: NDArray[np.intp], other_rise: NDArray[np.bool_]) -> Part:

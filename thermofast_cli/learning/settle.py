@@ -12,8 +12,8 @@ from thermofast.models.search.judge import sensor_p_values
 from thermofast.models.search.rules import RULES
 
 from ..errors import ThermofastError
+from ..estimation.estimate import NOT_FOLLOWED
 from ..estimation.identify import identify_sensors
-from ..estimation.imperfect import NOT_FOLLOWED
 from ..estimation.request import Method, Question
 from ..estimation.sensor import Signals
 from ..estimation.sweep import Swept, sweep_records, sweep_sensors

@@ -6,7 +6,7 @@ from dataclasses import replace
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from ..estimation.imperfect import NOT_LIKELIER
+from ..estimation.estimate import NOT_LIKELIER
 from ..records import IdentifyRecord
 
 #: Probability that what was added is not what is at work: what benchmarks.discovery.dominant finds wrong, and look-alikes in a

@@ -11,8 +11,9 @@ from thermofast.models.observations import up_to
 from thermofast.models.standards import Criterion
 
 from ..errors import TooShortError, UsageError
+from ..estimation.estimate import NOT_FOLLOWED
 from ..estimation.identify import Found, Identified
-from ..estimation.imperfect import GROUP, NOT_FOLLOWED
+from ..estimation.imperfect import GROUP
 from ..estimation.request import Method, Question
 from ..estimation.sensor import Signals
 from ..estimation.sweep import SweptBlock, with_trips
