@@ -5,9 +5,17 @@ import pytest
 
 import thermofast as tf
 from thermofast.estimation.imperfect import _slow_seen
+from thermofast.estimation.rules import RULES
 from thermofast.models.imperfection import NONE, TYPICAL, Imperfection, Sizes
 from thermofast.models.imperfection.prior import BESIDE_SLOW
-from thermofast.models.uncertainty.companions import halves, slow_parts
+from thermofast.models.uncertainty.companions import (
+    fastest_at_end,
+    halves,
+    settled_beside,
+    slow_paces,
+    slow_parts,
+    still_ahead,
+)
 
 TIME = np.linspace(0.0, 60.0, 121)
 
@@ -100,3 +108,76 @@ def test_a_bed_that_was_read_later_and_with_gaps_is_seen_too():
     ]
     assert far[1] == pytest.approx(far[0], abs=0.25 * (far[0] - far[2]))
     assert far[0] > far[2] + 0.5
+
+
+def test_how_fast_slow_parts_go_on_and_how_fast_each_may_at_its_end():
+    """20 exp(-t/300) K: 1.68 K in the second half hour. From 75 to 95 % of the hour the bearing does 10 exp(-t/30), 0.72 K."""
+    bearing, bed = 20.0 + warms(30.0), 20.0 + warms(300.0, 20.0)
+    (slow, fastest), none, (other, _) = slow_paces(
+        [(TIME, bearing[None], np.zeros(1)), (TIME, np.zeros((0, 121)), np.zeros(0)), (TIME, bed[None], np.full(1, 1e-6))]
+    )
+    assert np.isnan(slow).all() and len(none[0]) == len(none[1]) == 0
+    middle = np.abs(TIME / 60.0 - 0.5) <= 0.05
+    assert other == pytest.approx((np.median(bed[-13:]) - np.median(bed[middle])) / 30.0, rel=0.03)
+    assert fastest == pytest.approx(10.0 * (np.exp(-1.5) - np.exp(-1.9)) / 12.0, rel=0.02)
+
+
+def test_a_noise_and_a_hole_open_how_fast_a_sensor_may_be():
+    """Twelve readings of 0.1 K a window: 1.8 times 0.1 / sqrt(12) is the error of a difference, and four of these count."""
+    still = np.full((1, 121), 20.0)
+    assert fastest_at_end(TIME, still, np.array([0.1])) == pytest.approx(4.0 * 1.8 * 0.1 / np.sqrt(12) / 12.0, rel=0.1)
+    hole = np.concatenate([np.linspace(0.0, 40.0, 41), np.linspace(50.0, 60.0, 11)])
+    assert np.isinf(fastest_at_end(hole, np.full((1, 52), 20.0), np.array([0.1])))
+
+
+def test_the_part_that_has_most_before_it_is_gone_by():
+    """Of 3 and 5 K ahead it is the second, at 0.1 K/min; one whose limit is open may come as far as 12 K, of which 4 are done."""
+    moved, pace, none = np.array([9.0, 4.0, 4.0]), np.array([np.nan, 0.06, 0.1]), np.zeros(3, bool)
+    ahead = np.array([50.0, 3.0, 5.0])
+    assert still_ahead(moved, ahead, none, pace, 12.0) == pytest.approx((5.0, 0.02))
+    assert still_ahead(-moved, -ahead, none, -pace, 12.0) == pytest.approx((-5.0, 0.02))
+    assert still_ahead(moved, ahead, np.array([False, True, False]), pace, 12.0) == pytest.approx((8.0, 0.0075))
+    assert still_ahead(moved, np.array([50.0, np.nan, 5.0]), none, pace, 12.0) == pytest.approx((8.0, 0.0075))
+
+
+def test_when_a_rise_with_a_slow_share_has_settled():
+    """Of 1.25 rises 0.25 come at 1/200 a minute: a twentieth of the whole is left after 200 ln 4 min. Less than 5 % changes nothing."""
+    assert settled_beside(np.array([0.25, 0.05, 0.0]), 0.005) == pytest.approx([200.0 * np.log(4.0), 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def beside_a_bed():
+    """A bearing of 15 min that settles while its bed, 5 h slow, has hardly begun; warmed and, mirrored, cooled."""
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 121.0)
+    bearing, bed = (warms(tau, rise, time) + rng.normal(0.0, 0.02, 121) for tau, rise in ((15.0, 9.0), (300.0, 12.0)))
+    return time, bearing, bed
+
+
+def foretold(time, of, until=60.0, **how):
+    table = {"time_min": time, **of}
+    return tf.identify(table, until=until, jobs=1, **how)["bearing"]
+
+
+def test_what_a_logged_bed_may_still_do_opens_the_limit_of_what_stands_on_it(beside_a_bed):
+    time, bearing, bed = beside_a_bed
+    alone = foretold(time, {"bearing": 20.0 + bearing}, at=180.0)
+    one = foretold(time, {"bearing": 20.0 + bearing, "bed": 20.0 + bed}, at=180.0)
+    ahead = RULES.slow_share * (tf.identify({"time_min": time, "bed": 20.0 + bed}, until=60.0)["bed"].steady_state_c - 20.0 - bed[60])
+    assert alone.steady_state_hi_c < 29.6
+    assert one.steady_state_hi_c > 29.0 + 0.5 * ahead
+    assert one.steady_state_lo_c == pytest.approx(alone.steady_state_lo_c, abs=0.5)
+    assert alone.at_hi_c < one.at_hi_c < one.steady_state_hi_c
+    assert one.t95_hi_min > 200.0 > alone.t95_hi_min
+    down = foretold(time, {"bearing": 20.0 - bearing, "bed": 20.0 - bed}, at=180.0)
+    assert 20.0 - down.steady_state_lo_c == pytest.approx(one.steady_state_hi_c - 20.0, abs=0.01)
+    sure = foretold(time, {"bearing": 20.0 + bearing, "bed": 20.0 + bed}, imperfection="none")
+    assert sure.steady_state_hi_c < 29.1
+
+
+def test_what_has_settled_beside_a_bed_that_goes_on_does_not_follow_it(beside_a_bed):
+    """After eight time constants it would be seen to."""
+    time, bearing, bed = beside_a_bed
+    for follows, most in ((0.0, 30.5), (0.2, 34.0)):
+        found = foretold(time, {"bearing": 20.0 + bearing + follows * bed, "bed": 20.0 + bed}, until=120.0)
+        assert 29.0 + follows * 12.0 < found.steady_state_hi_c < most

@@ -111,15 +111,30 @@ def slow_parts(early: Array, late: Array, error: Array, span: Array) -> NDArray[
         return np.asarray((way * moved > MOVED * np.abs(moved[most])) & (rate < SLOW * fast) & (fast > 0.0))
 
 
-def slow_paces(of: Sequence[tuple[Array, Array, Array]]) -> list[Array]:
-    """How fast (S,) [K/min] the :func:`slow_parts` of blocks (time (n,), readings (S, n), noise (S,)) go on, nan of the others."""
+def slow_paces(of: Sequence[tuple[Array, Array, Array]]) -> list[tuple[Array, Array]]:
+    """Of blocks (time (n,), readings (S, n), noise (S,)), each (S,) [K/min]: how fast the :func:`slow_parts` went on in the second
+    half of what was read, nan of the others; and how fast each sensor did at its end, at most.
+    """
     some = [block for block in of if len(block[1])]
     if not some:
-        return [np.zeros(0) for _ in of]
+        return [(np.zeros(0), np.zeros(0)) for _ in of]
     early, late, error = (np.concatenate(part) for part in zip(*(halves(*block) for block in some), strict=True))
     span = np.concatenate([np.full(len(reading), time[-1] - time[0]) for time, reading, _ in some])
     pace = np.where(slow_parts(early, late, error, span), late / (0.5 * span), np.nan)
-    return np.split(pace, np.cumsum([len(reading) for _, reading, _ in of])[:-1])
+    ends = np.cumsum([len(reading) for _, reading, _ in of])[:-1]
+    return list(zip(np.split(pace, ends), (fastest_at_end(*block) for block in of), strict=True))
+
+
+def fastest_at_end(time: Array, reading: Array, noise: Array) -> Array:
+    """How fast (S,) [K/min] readings (S, n) with a noise (S,) may at most have gone on, from 70 to 80 % of a record to its end."""
+    share = (time - time[0]) / (time[-1] - time[0])
+    parts = np.abs(share - 0.75) <= 0.5 * ENDS, share >= 1.0 - ENDS
+    fewest = min(int(own.sum()) for own in parts)
+    if not fewest:
+        return np.full(len(reading), np.inf)
+    before, last = (np.median(reading[:, own], axis=1) for own in parts)
+    way = np.abs(last - before) + CLEAR * MEDIANS * noise / math.sqrt(fewest)
+    return np.asarray(way / (time[parts[1]].mean() - time[parts[0]].mean()))
 
 
 def still_ahead(moved: Array, ahead: Array, unknown: NDArray[np.bool_], pace: Array, most: float) -> tuple[float, float]:

@@ -106,7 +106,7 @@ def claims(
         moved, most = _moved(closed, members)
         little = [a & (m < RULES.behind * most) & (rates == "auto") for a, m in zip(alone, moved, strict=True)]
         slow = _slow_seen(closed, members)
-        beside = prior.beside_slow() if any(np.isfinite(pace).any() for pace in slow) else prior
+        beside = prior.beside_slow() if any(np.isfinite(pace).any() for pace, _ in slow) else prior
         _claim(closed, [a & ~m for a, m in zip(alone, little, strict=True)], empty, beside, rates, name, criterion=criterion)
         _claim(closed, little, empty, prior, "own", name, criterion=criterion)
         _with_before(closed, alone, empty)
@@ -135,31 +135,36 @@ def _moved(closed: Sequence[Closed], members: Masks) -> tuple[list[Array], float
     return moved, max((float(m[mine].max()) for m, mine in zip(moved, members, strict=True) if mine.any()), default=0.0)
 
 
-def _slow_seen(closed: Sequence[Closed], members: Masks) -> list[Array]:
-    """How fast (S,) [K/min] those members of a group go on that are slow parts beside fast ones, nan of the rest."""
-    seen = [np.full(len(mine), np.nan) for mine in members]
+def _slow_seen(closed: Sequence[Closed], members: Masks) -> list[tuple[Array, Array]]:
+    """(How fast (S,) [K/min] those members of a group go on that are slow parts beside fast ones, how fast all do at most)."""
+    seen = [(np.full(len(mine), np.nan), np.full(len(mine), np.nan)) for mine in members]
     of = [
         (c.sensors.time[: c.count], c.sensors.reading[m, : c.count], c.found.noise[m]) for c, m in zip(closed, members, strict=True)
     ]
-    for into, mine, pace in zip(seen, members, slow_paces(of), strict=True):
-        into[mine] = pace
+    for (slow, every), mine, found in zip(seen, members, slow_paces(of), strict=True):
+        slow[mine], every[mine] = found
     return seen
 
 
-def _with_slow(closed: Sequence[Closed], members: Masks, slow: Sequence[Array], into: Sequence[Claims]) -> None:
-    """Intervals of members (S,) reach on by a share of how far the slow part that has most before it may go, at its pace."""
-    quick = [m & np.isnan(pace) & np.isfinite(one.steady[:, 1]) for m, pace, one in zip(members, slow, into, strict=True)]
-    if not (any(np.isfinite(pace).any() for pace in slow) and any(q.any() for q in quick)):
+def _with_slow(closed: Sequence[Closed], members: Masks, paces: Sequence[tuple[Array, Array]], into: Sequence[Claims]) -> None:
+    """Intervals of members (S,) reach on by a share of how far the slow part that has most before it may go, at its pace.
+
+    What follows it already moves with it: of that the share is no more than of what both do now.
+    """
+    slow = np.concatenate([pace for pace, _ in paces])
+    quick = [m & np.isnan(own) & np.isfinite(one.steady[:, 1]) for m, (own, _), one in zip(members, paces, into, strict=True)]
+    if not (np.isfinite(slow).any() and any(q.any() for q in quick)):
         return
     rise = [one.steady[:, 1] - c.found.initial for c, one in zip(closed, into, strict=True)]
     most = RULES.slow_open * float(np.median(np.abs(np.concatenate([r[q] for r, q in zip(rise, quick, strict=True)]))))
     moved = [c.found.state[:, 0] - c.found.initial for c in closed]
     ahead, unknown = [r - m for r, m in zip(rise, moved, strict=True)], np.concatenate([one.open_limit for one in into])
-    far, rate = still_ahead(np.concatenate(moved), np.concatenate(ahead), unknown, np.concatenate(slow), most)
-    more, side, beyond = RULES.slow_share * far, 2 if far > 0.0 else 0, np.fmax if far > 0.0 else np.fmin
-    for c, those, own, one in zip(closed, quick, rise, into, strict=True):
+    far, rate = still_ahead(np.concatenate(moved), np.concatenate(ahead), unknown, slow, most)
+    side, beyond = 2 if far > 0.0 else 0, np.fmax if far > 0.0 else np.fmin
+    for c, those, own, (_, every), one in zip(closed, quick, rise, paces, into, strict=True):
         last = float(c.sensors.time[c.count - 1] - c.sensors.time[0])
-        coming = more * -np.expm1(-rate * np.maximum(one.times - last, 0.0))
+        more = far * np.fmin(RULES.slow_share, RULES.slow_follows * every / max(abs(rate * far), 1e-12))
+        coming = more[:, None] * -np.expm1(-rate * np.maximum(one.times - last, 0.0))
         steady, at = beyond(one.steady[:, side], one.steady[:, 1] + more), beyond(one.at[:, :, side], one.at[:, :, 1] + coming)
         late = np.fmax(one.t95[:, 2], last + settled_beside(np.abs(more / own), rate))
         one.steady[those, side], one.at[those, :, side], one.t95[those, 2] = steady[those], at[those], late[those]

@@ -178,6 +178,12 @@ class EstimationRules:
     slow_open: float = rule(
         0.7, "of the others' rise", "up to which such a part may come as long as its limit is not known", "the same machines"
     )
+    slow_follows: float = rule(
+        1.0,
+        "times the share of its pace that a sensor itself has, at most that of what the slow part may still go",
+        "by which its interval reaches on",
+        "what is heated by it lags behind it; the same machines",
+    )
     still_others: float = rule(20.0, "noise", "that the others have moved by, at least", "four times what is no movement")
     jump: float = rule(
         10.0, "noise", "of a single step beyond fastest_step that is a probe's", "twice what no reading at rest reaches"
