@@ -210,7 +210,7 @@ def bed(rng: np.random.Generator, kind: str) -> Bodies:
     u = rng.uniform
     capacity = np.array([u(600, 1500), u(600, 1500), *(u(6e3, 2e4) for _ in range(3)), u(4e4, 1.6e5)])
     pairs = [(0, 2, u(8, 25)), (1, 4, u(8, 25)), (2, 3, u(5, 25)), (3, 4, u(5, 25))]
-    links = linked(6, *pairs, *((i, 5, u(0.3, 2.5)) for i in (2, 3, 4)))
+    links = linked(6, *pairs, *((i, 5, u(0.5, 6.0)) for i in (2, 3, 4)))
     loss = np.array([0.0, 0.0, *(u(1.0, 4.0) for _ in range(3)), u(2, 8)])
     power, room = np.array([u(50.0, 150.0), u(50.0, 150.0), 0, 0, 0, 0]), u(17.0, 25.0)
     return Bodies(capacity, links, loss, lambda _: power, [0, 2, 3, 4, 5], lambda _: room, room, u(1.0, 1.25))

@@ -182,7 +182,7 @@ class EstimationRules:
         1.0,
         "times the share of its pace that a sensor itself has, at most that of what the slow part may still go",
         "by which its interval reaches on",
-        "what is heated by it lags behind it; the same machines",
+        "what follows it moves with it by then; the same machines",
     )
     still_others: float = rule(20.0, "noise", "that the others have moved by, at least", "four times what is no movement")
     jump: float = rule(
