@@ -119,7 +119,8 @@ def test_how_fast_slow_parts_go_on_and_how_fast_each_may_at_its_end():
     (slow, fastest), none, (other, _) = slow_paces(
         [(TIME, bearing[None], np.zeros(1)), (TIME, np.zeros((0, 121)), np.zeros(0)), (TIME, bed[None], np.full(1, 1e-6))]
     )
-    assert np.isnan(slow).all() and len(none[0]) == len(none[1]) == 0
+    assert np.isnan(slow).all()
+    assert len(none[0]) == len(none[1]) == 0
     middle = np.abs(TIME / 60.0 - 0.5) <= 0.05
     assert other == pytest.approx((np.median(bed[-13:]) - np.median(bed[middle])) / 30.0, rel=0.03)
     assert fastest == pytest.approx(10.0 * (np.exp(-1.5) - np.exp(-1.9)) / 12.0, rel=0.02)
@@ -166,7 +167,9 @@ def test_what_a_logged_bed_may_still_do_opens_the_limit_of_what_stands_on_it(bes
     time, bearing, bed = beside_a_bed
     alone = foretold(time, {"bearing": 20.0 + bearing}, at=180.0)
     one = foretold(time, {"bearing": 20.0 + bearing, "bed": 20.0 + bed}, at=180.0)
-    ahead = RULES.slow_share * (tf.identify({"time_min": time, "bed": 20.0 + bed}, until=60.0)["bed"].steady_state_c - 20.0 - bed[60])
+    ahead = RULES.slow_share * (
+        tf.identify({"time_min": time, "bed": 20.0 + bed}, until=60.0)["bed"].steady_state_c - 20.0 - bed[60]
+    )
     assert alone.steady_state_hi_c < 29.6
     assert one.steady_state_hi_c > 29.0 + 0.5 * ahead
     assert one.steady_state_lo_c == pytest.approx(alone.steady_state_lo_c, abs=0.5)
