@@ -1,16 +1,19 @@
 """Machines whose cooling, room or load swings all the time: do intervals hold the mean over a cycle that they come to?
 
 python -m benchmarks.machines.swings [--each 20] [--seed 720000] [--read 0.5,0.7,1,2] prints, by kind and time constants read (of
-the slowest mode): rows, the share that says that it swings, the share that is ``ok``, how many of these hold the mean of the last
-cycles of a record eight time constants long, how many of all rows do, and the median half-width of the `ok` rows over the rise.
+the slowest mode): rows, the share that says that it swings, and that it began to later, the share that is ``ok``, how many of
+these hold the mean of the last cycles of a record eight time constants long, how many of all rows do, and the median half-width of
+the `ok` rows over the rise.
 
 A housing, a spindle, a motor and a tank of coolant [kJ/K, W/K], by Euler's steps of a two-thousandth of the slowest time constant.
 thermostat: a chiller takes heat from the tank, on and off between two limits, with a period that changes as the machine warms;
+fan: one that blows on the housing from a limit on, until it is colder again, two to four times the loss (rows in which it has);
 room: air conditioning, a sawtooth of 0.6 to 2 K that nobody logged; load: work and pause, ten to thirty minutes a cycle; pulses:
 cold oil every so often; steady: none of it. All have a room that wanders by 0.1 K.
 """
 
 import argparse
+import math
 import os
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -24,21 +27,22 @@ from numpy.typing import NDArray
 import thermofast as tf
 
 Array = NDArray[np.float64]
-KINDS = ("thermostat", "room", "load", "pulses", "steady")
+KINDS = ("thermostat", "room", "load", "pulses", "steady", "fan")
 NAMES = ("housing", "front", "rear", "motor", "return")
 #: Length in time constants, and steps in each.
 TURNS, STEPS = 8, 2000
-SAID = "means over its cycle"
+SAID, BEGAN = "means over its cycle", "min on at the latest, as a cooling or a load"
 
 
 @dataclass(frozen=True)
 class Record:
-    """time (n,) [min], reading (S, n) [degC], limit (S,), and the slowest time constant [min]."""
+    """time (n,) [min], reading (S, n) [degC], limit (S,), the slowest time constant and when a fan began [min], of that kind."""
 
     time: Array
     reading: Array
     limit: Array
     tau: float
+    begun: float
 
 
 def simulate(kind: str, seed: int) -> Record:
@@ -63,7 +67,8 @@ def simulate(kind: str, seed: int) -> Record:
     air = 20.0 + air + 0.1 * np.sin(2.0 * np.pi * (time / rng.uniform(100.0, 400.0) + rng.uniform()))
     load = np.where(turn < share, 1.0 / share, 0.2) if kind == "load" else np.ones(len(time))
     pulse = np.where(turn < 0.15, 1.0, 0.0) if kind == "pulses" else np.zeros(len(time))
-    warm = np.linalg.solve(-matrix, heat / capacity)[4]
+    steady = np.linalg.solve(-matrix, heat / capacity)
+    warm = steady[4]
     most = 20.0 + rng.uniform(0.04, 0.12) * warm
     band, power = rng.uniform(0.3, 1.0), rng.uniform(1.5, 3.0) * heat.sum()
     cold = rng.uniform(0.5, 1.5) * heat.sum()
@@ -72,6 +77,9 @@ def simulate(kind: str, seed: int) -> Record:
     flow = (link / capacity[:, None], loss / capacity, heat / capacity)
     out = (link.sum(axis=1)) / capacity
     on = False
+    fan = np.random.default_rng([seed, 1])
+    ends, gap, blows = 20.0 + fan.uniform(0.4, 0.8) * steady[0], fan.uniform(0.3, 1.0), loss[0] * fan.uniform(1.0, 3.0)
+    begun = math.inf
     here = found[:, 0].copy()
     for k in range(1, len(time)):
         if kind == "thermostat":
@@ -79,21 +87,27 @@ def simulate(kind: str, seed: int) -> Record:
         take = power * on + cold * pulse[k]
         slope = flow[0] @ here - out * here + flow[1] * (air[k] - here) + flow[2] * load[k]
         slope[4] -= take / capacity[4]
+        if kind == "fan":
+            on = here[0] > ends if not on else here[0] > ends - gap
+            begun = min(begun, time[k] if on else math.inf)
+            slope[0] += on * blows * (air[k] - here[0]) / capacity[0]
         here = here + step * slope
         found[:, k] = here
     last = time > time[-1] - max(8.0 * period, 0.5 * tau)
-    whole = last if kind == "thermostat" or kind == "steady" else time > time[-1] - 8.0 * period
+    whole = last if kind in ("thermostat", "steady", "fan") else time > time[-1] - 8.0 * period
     limit = found[:, whole].mean(axis=1)
     each = max(round(float(rng.choice([0.25, 0.5, 1.0])) / step), 1)
     reading = found[:, ::each] + rng.uniform(0.01, 0.04) * rng.standard_normal((count, len(time[::each])))
-    return Record(time[::each], np.round(reading, 2), limit, tau)
+    return Record(time[::each], np.round(reading, 2), limit, tau, begun)
 
 
-def judge(job: tuple[str, int, float]) -> list[tuple[str, float, bool, bool, bool, float]]:
-    """(kind, read, says that it swings, ok, held, half-width over the rise) of each sensor of a machine."""
+def judge(job: tuple[str, int, float]) -> list[tuple[str, float, bool, bool, bool, bool, float]]:
+    """(kind, read, says that it swings, that it began to later, ok, held, half-width over the rise) of each sensor of a machine."""
     kind, seed, read = job
     record = simulate(kind, seed)
     n = int(np.searchsorted(record.time, read * record.tau)) + 1
+    if kind == "fan" and record.begun > record.time[n - 1]:
+        return []
     table = {"time_min": record.time[:n]} | {name: row[:n] for name, row in zip(NAMES, record.reading, strict=True)}
     rows = []
     for r, limit in zip(tf.identify(table), record.limit, strict=True):
@@ -101,7 +115,7 @@ def judge(job: tuple[str, int, float]) -> list[tuple[str, float, bool, bool, boo
         known = low is not None and high is not None
         held = known and low <= limit <= high
         width = 0.5 * (high - low) / abs(limit - 20.0) if known else np.nan
-        rows.append((kind, read, SAID in r.message, r.status == "ok", bool(held), float(width)))
+        rows.append((kind, read, SAID in r.message, BEGAN in r.message, r.status == "ok", bool(held), float(width)))
     return rows
 
 
@@ -116,16 +130,16 @@ def main() -> None:
     jobs = [(kind, given.seed + 1000 * k + i, read) for k, kind in enumerate(KINDS) for i in range(given.each) for read in reads]
     with ProcessPoolExecutor() as pool:
         rows = [row for found in pool.map(judge, jobs, chunksize=4) for row in found]
-    print("| kind | read | rows | says so | `ok` | of these held | all held | half-width / rise |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    print("| kind | read | rows | says so | began later | `ok` | of these held | all held | half-width / rise |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for kind in KINDS:
         for read in reads:
             some = [r for r in rows if r[0] == kind and r[1] == read]
-            fine = [r for r in some if r[3]]
-            held = f"{np.mean([r[4] for r in fine]):.2f}" if fine else "-"
-            said, ok, every = (float(np.mean([r[k] for r in some])) for k in (2, 3, 4))
-            width = float(np.nanmedian([r[5] for r in fine])) if fine else np.nan
-            print(f"| {kind} | {read:g} | {len(some)} | {said:.2f} | {ok:.2f} | {held} | {every:.2f} | {width:.2f} |")
+            fine = [r for r in some if r[4]]
+            held = f"{np.mean([r[5] for r in fine]):.2f}" if fine else "-"
+            said, began, ok, every = (float(np.mean([r[k] for r in some])) for k in (2, 3, 4, 5))
+            width = float(np.nanmedian([r[6] for r in fine])) if fine else np.nan
+            print(f"| {kind} | {read:g} | {len(some)} | {said:.2f} | {began:.2f} | {ok:.2f} | {held} | {every:.2f} | {width:.2f} |")
 
 
 if __name__ == "__main__":
