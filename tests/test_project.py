@@ -127,6 +127,13 @@ def test_everything_public_is_explained(path):
 
 
 README = (ROOT / "README.md").read_text() if (ROOT / "README.md").exists() else ""
+@pytest.mark.parametrize("path", sorted((ROOT / "thermofast_cli" / "commands").glob("*.py")), ids=lambda p: p.stem)
+def test_a_command_is_a_thin_adapter(path):
+    """Sixty lines with its parameters and help: what it does is the library's."""
+    functions = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.FunctionDef)]
+    assert max((n.end_lineno - n.lineno + 1 for n in functions), default=0) <= 60
+
+
 #: Every line of the README's shell blocks can be pasted as it stands.
 EXAMPLES = [
     line

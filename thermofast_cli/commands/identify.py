@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..errors import UsageError
 from ..shell.numbers import Finite, Real
 from ..shell.options import (
     RunCommand,
@@ -105,7 +106,6 @@ def command(
     likelihood (ukf, ekf, svd_ukf, ckf, cqkf, fading_ukf) and --preset paper.
     """
     from ..archives.blocks import Analysis
-    from ..errors import UsageError
     from ..output.files import write_table
     from ..output.screen import say
     from ..pipeline.methods import choose, paces, stopping_rule
@@ -128,8 +128,7 @@ def command(
         return batch.archive(analysis)
     readings = batch.read(trace, from_rise=analysis.from_rise, search=auto or learnt is not None)
     with batch.working(readings, readings.sensors, "sensors") as how:
-        detailed = replace(request, details=bool(trace) or batch.wants_details)
-        result = identify_runs(readings.runs, method, detailed, how)
+        result = identify_runs(readings.runs, method, replace(request, details=bool(trace) or batch.wants_details), how)
     for sentence in in_words(result.records) if rule and not batch.quiet else ():
         say(sentence)
     code = batch.tell(result, readings, _drawn(request), filter=filter_name)

@@ -84,7 +84,7 @@ def command(
     With --exit the exit code is 3 where the record ended before it could be stopped.
     """
     from ..output.files import check_targets
-    from ..output.screen import interval, number, say, text
+    from ..output.screen import say
     from ..pipeline.methods import choose
     from ..pipeline.watching import speed_of, watch_run
     from ..reading_options import options_from
@@ -99,14 +99,6 @@ def command(
     learnt = load_model(model, extra)
     options = options_from({name: value for name, value in reading.items() if name != "start"})
     how = options, reading["start"], method, tolerance, learnt, leave, speed, poll, give_up
-    drawn = [
-        ("sensor", text("channel")),
-        ("settles degC", number("steady_state_c")),
-        ("95 % interval", interval("steady_state_lo_c", "steady_state_hi_c")),
-        ("t95 min", number("t95_min", 1)),
-        ("to go min", number("time_to_go_min", 0)),
-        ("status", text("status")),
-    ]
     looks = Looks(jsonl)
     with commanded(execute) as commands:
         with shown(tolerance, quiet, looks, commands) as tell:
@@ -114,7 +106,21 @@ def command(
         if not quiet and (sys.stderr.isatty() or not last.stop):  # a table that was drawn in place is gone
             before = "what was said of stopping is no longer sure" if looks.stopped else "it ended before the test could be stopped"
             say(last.words if last.stop else f"{before}: {last.words}")
-        code = deliver(Watching(last.records, (read,), looked=last), [], output, form, quiet, drawn)
+        code = deliver(Watching(last.records, (read,), looked=last), [], output, form, quiet, _drawn())
     if looks.failed and code == 0:
         return 2
     return 3 if leave and not last.stop and code == 0 else code
+
+
+def _drawn() -> list[Any]:
+    """The columns of a drawn table."""
+    from ..output.screen import interval, number, text
+
+    return [
+        ("sensor", text("channel")),
+        ("settles degC", number("steady_state_c")),
+        ("95 % interval", interval("steady_state_lo_c", "steady_state_hi_c")),
+        ("t95 min", number("t95_min", 1)),
+        ("to go min", number("time_to_go_min", 0)),
+        ("status", text("status")),
+    ]
