@@ -127,6 +127,8 @@ def test_everything_public_is_explained(path):
 
 
 README = (ROOT / "README.md").read_text() if (ROOT / "README.md").exists() else ""
+
+
 @pytest.mark.parametrize("path", sorted((ROOT / "thermofast_cli" / "commands").glob("*.py")), ids=lambda p: p.stem)
 def test_a_command_is_a_thin_adapter(path):
     """Sixty lines with its parameters and help: what it does is the library's."""
