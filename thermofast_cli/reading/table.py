@@ -48,6 +48,8 @@ class Table:
     dialect: "Dialect | None" = None
     #: C, K or F where a line above the names says the unit of all.
     unit_above: str = ""
+    #: (seconds between rows, the line) where one above the names says it.
+    interval_above: tuple[float, str] | None = None
     #: Where columns have clocks of their own: the names of these, of which the first is the time of the table.
     clocks: tuple[str, ...] = ()
     #: Lines at which the names stand again.

@@ -91,12 +91,15 @@ def find_time(table: Table, options: Options) -> Time:
             allowed="a time in each row",
             do="export the record again, or say --interval SECONDS if rows are evenly spaced",
         )
+    spaced, said = "--interval SECONDS if rows are evenly spaced", ""
+    if table.interval_above is not None:
+        seconds, line = table.interval_above
+        spaced, said = f"--interval {seconds:g} if every row is as far apart as that line says", f"; above them {line!r}"
     raise InputError(
         f"{table.name}: no time column",
-        found=listed(table.names),
+        found=listed(table.names) + said,
         allowed="a column named time_s, time_min, elapsed, timestamp, ... or of wall-clock stamps",
-        do="name it with --time NAME (and --time-unit), say --header-line N if the names stand in another line, or say --interval"
-        " SECONDS if rows are evenly spaced",
+        do=f"name it with --time NAME (and --time-unit), say --header-line N if the names stand in another line, or say {spaced}",
     )
 
 

@@ -11,6 +11,7 @@ import pyarrow.csv as pacsv
 from ...errors import InputError, listed
 from ...reading_options import Options, joined
 from ..headings.constants import kind_of, not_applied, without_rows_beneath
+from ..headings.interval import interval_above
 from ..headings.names import names_and_units
 from ..moments.stamps import looks_like_stamp
 from ..run import Array, Guess
@@ -128,10 +129,11 @@ def read_text(data: bytes, name: str, options: Options) -> Table:
     notes = [dialect.describe(), *notes, *told_notes]
     unit_of = {n: u or carried.get(n, "") for n, u in zip(names, units, strict=True)}
     comments = [line for line in head[dialect.data_line :] if line[:1] in "#%"]
-    above = unit_above([*head[: dialect.data_line if dialect.header_line is None else dialect.header_line], *comments])
     named = dialect.header_line is not None
+    above = [*head[: dialect.header_line if named else dialect.data_line], *comments]
     again = tuple(dialect.data_line + i for i in headers)
-    return Table(name, names, columns, unit_of, at, tuple(notes), faults, tuple(guesses), named, dialect, above, (), again)
+    unit, interval = unit_above(above), interval_above(above)
+    return Table(name, names, columns, unit_of, at, tuple(notes), faults, tuple(guesses), named, dialect, unit, interval, (), again)
 
 
 def _sample_end(data: bytes) -> int:
