@@ -167,7 +167,7 @@ def test_a_room_that_nobody_logged_stays_possible(tool, tmp_path):
     assert {r["verdict"] for r in found} == {"second_mode"}
     assert {r["status"] for r in found} == {"not_determined"}
     assert all("ambient" in r["also_possible"] for r in found)
-    assert "log the ambient" in found[0]["advice"]
+    assert "log the ambient; if the room stood still, add it: thermofast improve" in found[0]["advice"]
 
 
 def test_one_bad_run_among_several_is_one_record(tool, tmp_path):

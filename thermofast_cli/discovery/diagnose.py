@@ -240,7 +240,8 @@ def verdict_of(task: LoopTask, found: Discovery, seen: Observations) -> tuple[st
     room = unlogged_room(found, seen)
     if room:
         also += ROOMS
-        advice, status = f"{room}; {advice}", "not_determined"
+        steady = "if the room stood still, " if advice.startswith("add it") else ""
+        advice, status = f"{room}; {steady}{advice}", "not_determined"
     instead = room_instead(found, seen)
     if instead:
         also, status = [*also, *instead], "not_determined" if status == "ok" else status
