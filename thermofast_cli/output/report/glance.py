@@ -19,8 +19,6 @@ GLANCE = (
 )
 #: Sensors up to which there is such a table.
 MOST_GLANCED = 60
-
-
 #: Rows of a table in a notebook.
 SHOWN_ROWS = 60
 
