@@ -13,9 +13,10 @@ from functools import cache
 from importlib import import_module
 from multiprocessing import connection
 from pkgutil import walk_packages
-from threading import Lock, Thread
-from types import ModuleType
+from threading import Thread
 from typing import Any
+
+from .processes import context_of
 
 #: Starting a pool costs about this long; below it one process is faster.
 POOL_COST_S = 0.8
@@ -67,42 +68,11 @@ def _end_with(sentinel: int) -> None:
     os._exit(1)
 
 
-METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-_usual: Any = multiprocessing.get_context(METHOD)
-_hiding = Lock()
-
-
-class Worker(_usual.Process):  # type: ignore[misc]
-    """A process that does not run the user's script again.
-
-    Python's own would import it, as a task might be defined there. None of ours is; and a script without ``if __name__ ==
-    "__main__"`` would do its work, and write its files, once more in each worker.
-    """
-
-    @staticmethod
-    def _Popen(process: Any) -> Any:  # noqa: N802 - the name is multiprocessing's
-        with _hiding:
-            script = sys.modules["__main__"]
-            sys.modules["__main__"] = ModuleType("__main__")
-            try:
-                return _usual.Process._Popen(process)
-            finally:
-                sys.modules["__main__"] = script
-
-
-def _context(search: bool) -> multiprocessing.context.BaseContext:
-    context: Any = type(_usual)()
-    context.Process = Worker
-    if METHOD == "forkserver":
-        searching = ["thermofast.models.search.discover"] if search else []
-        context.set_forkserver_preload(["thermofast.workers.starting", "thermofast.pipeline.tasks", *searching])
-    found: multiprocessing.context.BaseContext = context
-    return found
-
-
 def new_pool(jobs: int, search: bool = True) -> ProcessPoolExecutor:
     """Worker processes that are spawned, never forked from this one; search: with what looking for effects needs loaded."""
-    return ProcessPoolExecutor(jobs, mp_context=_context(search), initializer=_quiet_worker)
+    searching = ["thermofast.models.search.discover"] if search else []
+    context = context_of(["thermofast.workers.starting", "thermofast.pipeline.tasks", *searching])
+    return ProcessPoolExecutor(jobs, mp_context=context, initializer=_quiet_worker)
 
 
 def ended(pool: Executor) -> None:
