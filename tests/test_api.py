@@ -211,6 +211,13 @@ def test_what_was_guessed_stands_in_every_record_however_it_is_reached():
     assert ("in memory 2", "front") in both
     with pytest.raises(KeyError, match="of several runs"):
         both["rear"]
+    named = {f"{name} [°F]" if name != "time_min" else name: values for name, values in fahrenheit.items()}
+    both = tf.identify([pd.DataFrame(named), pd.DataFrame(named)])
+    with pytest.raises(KeyError, match=re.escape("say ('in memory', 'rear')")):
+        both["rear"]
+    assert both["in memory 2", "rear"] == both["in memory 2", "rear [°F]"] == both[3]
+    assert ("in memory", "rear") in both
+    assert ("in memory", "side") not in both
 
 
 def test_series_are_joined_by_their_labels_or_not_at_all():

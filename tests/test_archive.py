@@ -20,10 +20,12 @@ from conftest import ROOT
 
 import thermofast as tf
 from benchmarks.scale.killed import children_of, half_files, left_of, make_archive, same
+from thermofast.archives import parts
 from thermofast.archives.blocks import Analysis, Reading
 from thermofast.archives.settings import settings_of
 from thermofast.archives.sources import SourceFile, sources_of
 from thermofast.archives.stream import Progress
+from thermofast.errors import UsageError
 from thermofast.output.arrow import types_of
 from thermofast.reading_options import Options
 from thermofast.records import IdentifyRecord
@@ -457,3 +459,36 @@ def test_command_and_library_name_a_sensor_alike_that_could_not_be_worked_on(too
     tf.archive("sweep", bad, tmp_path / "b", drive="speed", windows=[5])
     read = [pads.dataset(tmp_path / name, format="parquet").to_table().to_pandas() for name in ("a", "b")]
     assert list(read[0]["filter"]) == list(read[1]["filter"]) == ["joint_fit"]
+
+
+def test_a_lock_that_another_call_took_away_keeps_nobody_out_and_is_taken_anew(tmp_path, monkeypatch):
+    """That call ends after this one has opened its file and before it has locked it; a third one is refused."""
+    fcntl = pytest.importorskip("fcntl")
+    lock, real, first = tmp_path / "lock", fcntl.flock, []
+    ending = parts._locked(lock, "results")
+    ending.__enter__()
+
+    def late(handle, how):
+        if not first:
+            first.append(handle)
+            ending.__exit__(None, None, None)
+        return real(handle, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    with parts._locked(lock, "results"):
+        assert lock.exists()
+        with pytest.raises(UsageError, match="results: another call is writing there"), parts._locked(lock, "results"):
+            pass
+    assert not lock.exists()
+
+
+def test_a_file_system_without_locks_is_not_another_call(tmp_path, monkeypatch):
+    fcntl = pytest.importorskip("fcntl")
+
+    def none(handle, how):
+        raise OSError(37, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", none)
+    with pytest.raises(UsageError, match="cannot be locked") as refused, parts._locked(tmp_path / "lock", "results"):
+        pass
+    assert "No locks available" in str(refused.value)

@@ -214,6 +214,26 @@ def test_what_a_filter_gives_back_is_looked_at():
         filters.checked(int, "mine")
 
 
+def test_a_filter_that_knows_later_readings_is_refused(tmp_path):
+    """Its error in a sweep, which asks what was known at each time, would be that of hindsight."""
+    text = (
+        FILTER.replace("import ", "import dataclasses\nimport ", 1)
+        if FILTER.startswith("import")
+        else "import dataclasses\n" + FILTER
+    )
+    text += """
+    def track(self, model, time, reading, resolution):
+        found = super().track(model, time, reading, resolution)
+        state = found.state.copy()
+        state[found.first :, 2] = state[-1, 2]
+        return dataclasses.replace(found, state=state)
+"""
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    with pytest.raises(PluginError, match="is another without the readings that come later"):
+        filters.load_filter(str(path))
+
+
 @pytest.mark.parametrize("late", ["np.nan", "np.inf"])
 def test_an_effect_that_breaks_on_a_longer_record_than_that_of_the_check_is_named(late, tmp_path):
     """No traceback, no row that looks like a result; the search goes on without it."""

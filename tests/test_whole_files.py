@@ -117,3 +117,16 @@ def test_a_link_stays_one_and_a_file_that_nobody_else_may_read_stays_so(tmp_path
     assert to_pipe.read_text() == target.read_text()
     told.save(str(tmp_path / "new.csv"))
     assert (tmp_path / "new.csv").stat().st_mode & 0o777 == 0o666 & ~whole.UMASK
+
+
+def test_a_file_is_open_for_writing_where_it_is_brought_to_the_disk_as_one_system_asks(tmp_path, monkeypatch):
+    """And a folder for reading; also where what it takes the place of may not be written."""
+    fcntl = pytest.importorskip("fcntl")
+    opened = []
+    monkeypatch.setattr(os, "fsync", lambda handle: opened.append(fcntl.fcntl(handle, fcntl.F_GETFL) & os.O_ACCMODE))
+    target = tmp_path / "out.csv"
+    for _ in range(2):
+        whole.write_whole(str(target), lambda path: Path(path).write_text("a"))
+        target.chmod(0o444)
+    assert opened == [os.O_RDWR, os.O_RDONLY] * 2
+    assert target.stat().st_mode & 0o777 == 0o444

@@ -80,7 +80,9 @@ class Result(Generic[R]):
         return any(named in self._names(r) for r in self.records)
 
     def _whole(self, key: object) -> object:
-        """The name of the sensor that is meant, with its unit; any other key as it is."""
+        """The name of the sensor that is meant, with its unit, alone or behind its run; any other key as it is."""
+        if isinstance(key, tuple) and len(key) == 2 and isinstance(key[1], str):
+            return key[0], self._whole(key[1])
         return columns_named(key, self._sensors(), ())[0] if isinstance(key, str) else key
 
     def _sensors(self) -> list[str]:

@@ -228,20 +228,36 @@ def _locked(path: Path, folder: str) -> Iterator[None]:
     except ImportError:  # not there on Windows
         yield
         return
+    handle = -1
     try:
-        handle = os.open(path, os.O_CREAT | os.O_RDWR, 0o644)
-    except OSError as error:
-        raise UsageError(
-            f"{folder}: cannot be written", found=str(error.strerror), allowed="a folder of yours", do="choose another place"
-        ) from None
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise UsageError(f"{folder}: another call is writing there", do="wait for it, or name another folder") from None
+        while handle < 0:
+            try:
+                handle = os.open(path, os.O_CREAT | os.O_RDWR, 0o644)
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise UsageError(f"{folder}: another call is writing there", do="wait for it, or name another folder") from None
+            except OSError as error:
+                raise UsageError(
+                    f"{folder}: cannot be {'written' if handle < 0 else 'locked'}",
+                    found=str(error.strerror),
+                    allowed="a folder of yours, on a file system with locks",
+                    do="choose another place",
+                ) from None
+            if not _still_there(path, handle):  # a call that ended meanwhile took it away: its lock keeps nobody out
+                os.close(handle)
+                handle = -1
         try:
             yield
         finally:
             path.unlink(missing_ok=True)
     finally:
-        os.close(handle)
+        if handle >= 0:
+            os.close(handle)
+
+
+def _still_there(path: Path, handle: int) -> bool:
+    """Whether an open file is the one that stands at a path."""
+    try:
+        return os.path.samestat(os.fstat(handle), path.stat())
+    except FileNotFoundError:
+        return False

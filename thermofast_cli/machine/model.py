@@ -11,7 +11,7 @@ from ..errors import UsageError
 from .modelfile import ModelFile, read_model, write_model
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Model:
     """What was learnt of one machine. source names it in messages: its file, or the run it was learnt from; what is equal tells the
     same of a machine, wherever it is from.
@@ -19,6 +19,11 @@ class Model:
 
     file: ModelFile
     source: str = field(compare=False)
+
+    def __repr__(self) -> str:
+        """Of what and with what: all its numbers would flood a prompt."""
+        effects = ", ".join(self.effects) or "no effects"
+        return f"<Model of {self.source}: {len(self.channels)} sensors, {effects}; .parameters() lists its numbers>"
 
     @classmethod
     def load(cls, path: "str | Path | Model", extra: str | Sequence[str] = ()) -> "Model":

@@ -87,8 +87,8 @@ def write_whole(path: str, write: Callable[[str], None], at_once: bool = False) 
     kept = False
     try:
         write(temporary)
-        os.chmod(temporary, stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~UMASK)
         _to_disk(temporary)
+        os.chmod(temporary, stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~UMASK)
         if waits is None:
             _put([(temporary, path)])
         else:
@@ -158,7 +158,8 @@ def _kept(target: str) -> str | None:
 
 
 def _to_disk(path: str) -> None:
-    handle = os.open(path, os.O_RDONLY)
+    """Waits until a file, or what a folder says of its files, is on the disk; Windows asks for a file that may be written."""
+    handle = os.open(path, os.O_RDONLY if Path(path).is_dir() else os.O_RDWR)
     try:
         os.fsync(handle)
     finally:
