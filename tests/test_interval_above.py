@@ -65,3 +65,7 @@ def test_the_refusal_says_what_to_give_and_that_reads_the_file(tmp_path, sep):
     assert "above them 'Sample interval" in str(refused.value)
     assert "interval=30 if every row is as far apart as that line says" in str(refused.value)
     assert tf.read(file, interval=30.0).time_s[-1] == pytest.approx(299 * 30.0)
+
+
+def test_long_lines_cost_nothing():
+    assert interval_above(["sampling " * 20_000 + "interval: 60 s", "interval" * 50_000, "_ " * 100_000]) is None

@@ -230,7 +230,7 @@ def test_a_filter_that_knows_later_readings_is_refused(tmp_path):
 """
     path = tmp_path / "mine.py"
     path.write_text(text)
-    with pytest.raises(PluginError, match="is another without the readings that come later"):
+    with pytest.raises(PluginError, match="is another where other readings come later"):
         filters.load_filter(str(path))
 
 

@@ -25,7 +25,7 @@ PER_READING = (
     "weight",
     "forgotten",
 )
-#: Readings of the check, of which the first are filtered once more by themselves, and a difference of states that is no rounding.
+#: Readings of the check, of which the first are filtered once more before others, and a difference of states that is no rounding.
 READINGS, BEFORE, FORESEEN = 60, 50, 1e-6
 CLOSINGS = ("never", "when consistent", "always")
 
@@ -132,9 +132,13 @@ def check(method: Filter, origin: str) -> None:
     reading = 20.0 + 5.0 * -np.expm1(-0.03 * time) + 0.01 * np.sin(7.0 * time)
     with watched(method, f"filter {method.name!r}"):
         track = method.track(Lump(), read_only(time), read_only(reading), 0.0)
-        before = method.track(Lump(), read_only(time[:BEFORE]), read_only(reading[:BEFORE]), 0.0)
+        other = method.track(
+            Lump(), read_only(time), read_only(np.where(np.arange(READINGS) < BEFORE, reading, reading + 0.5)), 0.0
+        )
     problem = (
-        track_problem(track, len(time), method.closing) or track_problem(before, BEFORE, "") or _foresight_problem(track, before)
+        track_problem(track, len(time), method.closing)
+        or track_problem(other, len(time), method.closing)
+        or _foresight_problem(track, other)
     )
     if problem:
         raise PluginError(f"{origin}: {problem}", do=f"see {GUIDE}")
@@ -153,15 +157,14 @@ def track_problem(track: Any, count: int, closing: str) -> str | None:
     )
 
 
-def _foresight_problem(track: Track, before: Track) -> str | None:
+def _foresight_problem(track: Track, other: Track) -> str | None:
     """What is wrong with a track whose states change with readings after them: what it says at a time would be hindsight."""
-    ends = [BEFORE, *(t.diverged_at for t in (track, before) if t.diverged_at is not None)]
-    kept = slice(max(track.first, before.first), min(ends))
-    moved = np.abs(track.state[: len(before.state)] - before.state)[kept]
-    if not (moved > FORESEEN * (1.0 + np.abs(before.state[kept]))).any():
+    ends = [BEFORE, *(t.diverged_at for t in (track, other) if t.diverged_at is not None)]
+    kept = slice(max(track.first, other.first), min(ends))
+    if not (np.abs(track.state - other.state)[kept] > FORESEEN * (1.0 + np.abs(other.state[kept]))).any():
         return None
     return (
-        "its track's state is another without the readings that come later, needed one that knows none after its own, and a seed"
+        "its track's state is another where other readings come later, needed one that knows none after its own, and a seed"
         " where it draws at random"
     )
 

@@ -16,6 +16,8 @@ _LINE = re.compile(
     r"(?:(?P<h>\d{1,2}):(?P<m>\d{2}):(?P<s>\d{2}(?:[.,]\d+)?)|(?P<value>\d+(?:[.,]\d+)?)[\s\"';,]*(?P<unit>[^\W\d]+(?:/s)?)?)[\s\"';,]*$",
     re.I,
 )
+#: Characters of such a line, at most: a longer one is no line of a head, and would be costly to look through.
+LONGEST = 120
 _PER_SECOND = {"hz": 1.0, "khz": 1e3, "sa/s": 1.0, "s/s": 1.0, "samples/s": 1.0}
 
 
@@ -26,7 +28,7 @@ def interval_above(lines: Sequence[str]) -> tuple[float, str] | None:
 
 
 def _seconds(line: str) -> float | None:
-    found = _LINE.match(line)
+    found = _LINE.match(line) if len(line) <= LONGEST else None
     if found is None:
         return None
     if found["h"]:
